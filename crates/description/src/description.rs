@@ -13,8 +13,8 @@ use toml::Spanned;
 
 use crate::error::DescriptionError;
 use crate::learn::{Learn, LossEntry, Stage, StopEntry};
-use crate::look::{EnvironmentEntry, LightEntry, PipelineEntry};
 use crate::meshes::MeshEntry;
+use crate::pipeline::{EnvironmentEntry, LightEntry, PipelineEntry};
 use crate::place::{Place, shortened};
 use crate::schema::schema_of;
 use crate::views::{CamerasEntry, ViewEntry};
@@ -97,7 +97,7 @@ impl Description {
         ] {
             if found > most {
                 return Err(DescriptionError::TooLarge {
-                    place: Place::of(path),
+                    place: Place::new(path),
                     what,
                     most,
                     found,
@@ -107,7 +107,7 @@ impl Description {
         toml::from_str(text).map_err(|error| {
             let place = match error.span() {
                 Some(span) => Place::from_byte(text, path, span.start),
-                None => Place::of(path),
+                None => Place::new(path),
             };
             let message = shortened(&said(error.message())).into_owned();
             DescriptionError::Content { place, message }
@@ -123,19 +123,19 @@ fn left_out<S: Serializer>(_: &[Spanned<ViewEntry>], serializer: S) -> Result<S:
 /// Adds what `value` holds, under its keys. Numbers of a list stand together.
 fn collect(value: &Value, key: String, all: &mut BTreeMap<String, String>) {
     match value {
-        Value::Object(own) => {
-            for (name, value) in own {
+        Value::Object(inner) => {
+            for (name, value) in inner {
                 let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
                 collect(value, key, all);
             }
             // An empty table says something, too: its numbers are the usual ones.
-            if !key.is_empty() && own.values().all(Value::is_null) {
+            if !key.is_empty() && inner.values().all(Value::is_null) {
                 all.insert(key, "there".to_owned());
             }
         }
-        Value::Array(own) if own.iter().any(Value::is_object) => {
-            for (at, value) in own.iter().enumerate() {
-                collect(value, format!("{key}[{at}]"), all);
+        Value::Array(inner) if inner.iter().any(Value::is_object) => {
+            for (index, value) in inner.iter().enumerate() {
+                collect(value, format!("{key}[{index}]"), all);
             }
         }
         Value::Null => {}

@@ -8,9 +8,9 @@ mod description;
 mod error;
 mod gltf_json;
 mod learn;
-mod look;
 mod meshes;
 mod numbers;
+mod pipeline;
 mod place;
 mod schema;
 mod views;
@@ -23,12 +23,12 @@ pub use learn::{
     Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
     StopEntry,
 };
-pub use look::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
-    Silhouettes, SurfaceModel, Tone,
-};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{Count, Finite, NotNegative, Positive, Share};
+pub use pipeline::{
+    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
+    SilhouettesName, SurfaceModel, Tone,
+};
 pub use place::{Place, shortened, shortened_path};
 pub use views::{
     CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,

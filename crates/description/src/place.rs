@@ -36,13 +36,13 @@ pub struct Place {
 
 impl Place {
     /// All of a file.
-    pub fn of(path: impl AsRef<Path>) -> Self {
+    pub fn new(path: impl AsRef<Path>) -> Self {
         Self { path: path.as_ref().to_owned(), line: None, column: None }
     }
 
     /// A line of a file.
     pub fn line(path: impl AsRef<Path>, line: usize) -> Self {
-        Self { line: Some(line), ..Self::of(path) }
+        Self { line: Some(line), ..Self::new(path) }
     }
 
     /// Where a byte of the text of the file `path` stands.

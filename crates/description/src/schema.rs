@@ -18,7 +18,7 @@ pub(crate) fn schema_of<T: JsonSchema>() -> String {
 /// TOML has no null: a key is absent. An editor that knows so can say what is wrong with a value.
 fn without_null(schema: &mut Schema) {
     // A table's default lists its keys as null; each key says its own.
-    if schema.get("default").is_some_and(|own| own.is_object() || own.is_array() || own.is_null()) {
+    if schema.get("default").is_some_and(|get| get.is_object() || get.is_array() || get.is_null()) {
         schema.remove("default");
     }
     if let Some(Value::Array(types)) = schema.get_mut("type") {

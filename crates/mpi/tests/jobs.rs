@@ -58,7 +58,7 @@ fn disk(view: usize) -> Vec<u8> {
         false => 0,
     };
     let samples = Samples::U8((0..24 * 24 * 3).map(sample).collect());
-    Picture { width: 24, height: 24, channels: 3, samples }.encode_png(&Place::of("disk")).unwrap()
+    Picture { width: 24, height: 24, channels: 3, samples }.encode_png(&Place::new("disk")).unwrap()
 }
 
 /// A scene of a ball that is learnt from a ring of views, of which each step sees `per_step`.

@@ -37,7 +37,7 @@ const AXES: [[(usize, f64); 2]; 6] = [
 ];
 
 /// The cube map `[6, side, side, 3]` of a panorama `[H, W, 3]`.
-pub(crate) fn of_panorama(image: &Tensor<f32>, side: usize) -> Tensor<f32> {
+pub(crate) fn cube_from_panorama(image: &Tensor<f32>, side: usize) -> Tensor<f32> {
     let [height, width] = [image.shape()[0], image.shape()[1]];
     let least = 2.0 / (side as f64 * CORNER * FINER);
     let parts = |pixel: f64| (pixel / least).ceil().max(1.0) as usize;
@@ -157,7 +157,7 @@ mod tests {
     fn a_panorama_of_a_smooth_sky_is_that_sky_on_the_cube() {
         // As far as a slope of 2 leads in half of a texel and half of a pixel, or less.
         for (height, side, bound) in [(64, 32, 0.02), (200, 16, 0.006), (16, 32, 0.16)] {
-            let cube = of_panorama(&panorama(height, sky), side);
+            let cube = cube_from_panorama(&panorama(height, sky), side);
             let off = (0..6 * side * side).flat_map(|texel| {
                 let expected = sky(seen(texel, side).0);
                 let cube = cube.data();
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn the_irradiance_of_a_panorama_is_that_of_its_sky() {
         let side = 32;
-        let cube = of_panorama(&panorama(128, sky), side);
+        let cube = cube_from_panorama(&panorama(128, sky), side);
         let tape = Tape::<f64>::new();
         let texels = Tensor::from_flat_fn([6, side, side, 3], |k| f64::from(cube.data()[k]));
         let prefilter = Prefilter::new(side, 3).unwrap();
@@ -202,7 +202,7 @@ mod tests {
         for (row, column) in [(0, 3), (32, 64), (20, 0), (63, 127)] {
             let lit = |k: usize| if k / 3 == row * 2 * height + column { 1000.0 } else { 0.0 };
             let image = Tensor::from_flat_fn([height, 2 * height, 3], lit);
-            let cube = of_panorama(&image, side);
+            let cube = cube_from_panorama(&image, side);
             let light = |texel: usize| f64::from(cube.data()[3 * texel]) * seen(texel, side).1;
             let found: f64 = (0..6 * side * side).map(light).sum();
             let edge = |row: usize| (PI * (0.5 - row as f64 / height as f64)).sin();
@@ -216,14 +216,14 @@ mod tests {
     fn the_middle_is_x_and_the_right_of_it_z() {
         // Four columns of one colour each: -x to -z, -z to x, x to z, z to -x.
         let image = Tensor::from_flat_fn([32, 64, 3], |k| (k / 3 % 64 / 16) as f32);
-        let cube = of_panorama(&image, 8);
+        let cube = cube_from_panorama(&image, 8);
         let towards = |direction: [f64; 3]| cube.data()[3 * texel(direction, 8)];
         assert_eq!(towards([-1.0, 0.1, -0.5]), 0.0);
         assert_eq!(towards([1.0, 0.1, -0.5]), 1.0);
         assert_eq!(towards([1.0, -0.1, 0.5]), 2.0);
         assert_eq!(towards([-1.0, 0.1, 0.5]), 3.0);
         let image = Tensor::from_flat_fn([32, 64, 3], |k| (k / 3 / 64) as f32);
-        let cube = of_panorama(&image, 8);
+        let cube = cube_from_panorama(&image, 8);
         let up = |y: f64| cube.data()[3 * texel([0.1, y, 0.1], 8)];
         assert!(up(1.0) < 4.0 && up(-1.0) > 27.0, "{} {}", up(1.0), up(-1.0));
     }

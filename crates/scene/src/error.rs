@@ -103,7 +103,7 @@ impl From<DescriptionError> for SceneError {
             }
             DescriptionError::Content { place, message } => Self::Content { place, message },
             // The enum may grow; its messages begin with their places.
-            other => Self::Content { place: Place::of("scene.toml"), message: other.to_string() },
+            other => Self::Content { place: Place::new("scene.toml"), message: other.to_string() },
         }
     }
 }
@@ -117,9 +117,11 @@ mod tests {
         const LONGEST: usize = 1000;
         let long = "ä".repeat(5000);
         let error = SceneError::content(Place::line(&long, 7), format!("a {long} z"));
-        let said = error.to_string();
-        assert!(said.starts_with("ää") && said.contains("ä:7: a ä") && said.ends_with("ä z"));
-        assert_eq!(said.chars().count(), 2 * (LONGEST + 5) + 4);
+        let message = error.to_string();
+        assert!(
+            message.starts_with("ää") && message.contains("ä:7: a ä") && message.ends_with("ä z")
+        );
+        assert_eq!(message.chars().count(), 2 * (LONGEST + 5) + 4);
         let error = SceneError::Read { path: long.into(), error: io::ErrorKind::NotFound.into() };
         assert!(error.to_string().chars().count() < LONGEST + 100);
     }

@@ -29,7 +29,7 @@ pub(crate) fn read_found(given: &Path, found: &Path) -> Result<Vec<u8>, SceneErr
     let (bytes, _) = read_start(given, found, MOST_BYTES + 1)?;
     let length = bytes.len() as u64;
     if length > MOST_BYTES {
-        let (place, what) = (Place::of(given), "bytes");
+        let (place, what) = (Place::new(given), "bytes");
         return Err(SceneError::TooLarge { place, what, most: MOST_BYTES, found: length });
     }
     Ok(bytes)

@@ -56,9 +56,12 @@ mod tests {
             notes_of_names("the views", names.iter())
         };
         assert_eq!(notes(&["a", "b", "A1", "ü.x", "console", "com", "com10", "nulls"]), [""; 0]);
-        let said = notes(&["a", "b", "A"]);
-        assert_eq!(said.len(), 1);
-        assert!(said[0].starts_with("the views \"a\" and \"A\" differ in case alone"), "{said:?}");
+        let message = notes(&["a", "b", "A"]);
+        assert_eq!(message.len(), 1);
+        assert!(
+            message[0].starts_with("the views \"a\" and \"A\" differ in case alone"),
+            "{message:?}"
+        );
         for name in ["con", "NUL", "aux.1", "Com1", "lpt9.x", "12:30", "a?", "a\u{7}"] {
             assert!(notes(&[name])[0].contains("Windows"), "{name}");
         }

@@ -74,13 +74,13 @@ impl ViewScore {
 
     fn to_bytes(self) -> Vec<u8> {
         let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
-        let of = |number: Option<f64>| {
+        let flagged = |number: Option<f64>| {
             [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
         };
-        numbers.flat_map(of).collect()
+        numbers.flat_map(flagged).collect()
     }
 
-    fn of_bytes(view: usize, bytes: &[u8]) -> Self {
+    fn from_bytes(view: usize, bytes: &[u8]) -> Self {
         let number = |k: usize| match bytes.get(9 * k..)?.split_first()? {
             (1, bytes) => bytes.first_chunk().map(|&bytes| f64::from_le_bytes(bytes)),
             _ => None,
@@ -146,7 +146,7 @@ impl SceneFit {
     /// # Errors
     /// Whatever is wrong with what is to be learnt; [`SceneError::Content`] where no view can be learnt from.
     pub fn new(scene: Scene) -> Result<Self, SceneError> {
-        Self::of(scene, None, Arc::new(Alone))?.begun()
+        Self::prepare(scene, None, Arc::new(Alone))?.begun()
     }
 
     /// [`SceneFit::new`] of a fit that the ranks of a job share: in steps each computes the losses of
@@ -159,7 +159,7 @@ impl SceneFit {
     /// # Errors
     /// As [`SceneFit::new`].
     pub fn among(scene: Scene, ranks: Ranks<f32>) -> Result<Self, SceneError> {
-        let fit = Self::of(scene, None, Arc::clone(&ranks));
+        let fit = Self::prepare(scene, None, Arc::clone(&ranks));
         agreed(&*ranks, fit)?.begun()
     }
 
@@ -179,7 +179,7 @@ impl SceneFit {
         };
         let mut bytes = agreed(&*ranks, bytes)?;
         ranks.broadcast_bytes(&mut bytes, 0);
-        let fit = Self::of(scene, Some(&bytes), Arc::clone(&ranks));
+        let fit = Self::prepare(scene, Some(&bytes), Arc::clone(&ranks));
         agreed(&*ranks, fit)?.begun()
     }
 
@@ -213,16 +213,20 @@ impl SceneFit {
     /// something else now, from elsewhere, or after other stages that are done.
     pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let bytes = saved::read(path.as_ref())?;
-        Self::of(scene, Some(&bytes), Arc::new(Alone))?.begun()
+        Self::prepare(scene, Some(&bytes), Arc::new(Alone))?.begun()
     }
 
-    fn of(scene: Scene, saved_fit: Option<&[u8]>, ranks: Ranks<f32>) -> Result<Self, SceneError> {
+    fn prepare(
+        scene: Scene,
+        saved_fit: Option<&[u8]>,
+        ranks: Ranks<f32>,
+    ) -> Result<Self, SceneError> {
         check_views(&scene.folder, &scene.views, OF_FITTED_PIXEL)?;
         let learnt_from: Arc<[usize]> = scene.views_with_image(false).collect();
         if learnt_from.is_empty() {
             let rule = "a fit has a view with an image that is not held out";
             let message = format!("{rule}, and none of {} views is one", scene.views.len());
-            return Err(SceneError::content(Place::of(&scene.path), message));
+            return Err(SceneError::content(Place::new(&scene.path), message));
         }
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
         let Learnt { mut parameters, rates, regularizers, preconditioners } =
@@ -252,27 +256,27 @@ impl SceneFit {
             None => (Progress { stage: 0, seen: Seen::default() }, None),
         };
         let stage = progress.stage;
-        let Some(own) = stages.get(stage) else {
+        let Some(first) = stages.get(stage) else {
             let rule = format!("one of the scene's {} stages", stages.len());
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
         };
-        let (own, seed) = (own.clone(), description.seed);
-        let settings = settings(&own);
+        let (first, seed) = (first.clone(), description.seed);
+        let settings = settings(&first);
         let fit = match saved_fit {
             Some(bytes) => {
                 let mut fit = resumed(bytes, &preconditioners, &parameters)?;
-                set_rates(fit.parameters_mut(), &rates, &own)?;
+                set_rates(fit.parameters_mut(), &rates, &first)?;
                 fit.set_settings(settings)?;
                 fit
             }
             None => {
-                set_rates(&mut parameters, &rates, &own)?;
+                set_rates(&mut parameters, &rates, &first)?;
                 Fit::new(parameters, settings)?
             }
         };
         let pipeline = StagePipeline {
             stage,
-            views: views_of(&renderer, &targets, &learnt_from, &own, seed)
+            views: views_of(&renderer, &targets, &learnt_from, &first, seed)
                 .among(Arc::clone(&ranks)),
             regularizers: regularizers.into(),
             rules: StopRules::new(&description.stop, progress.seen),
@@ -369,8 +373,8 @@ impl SceneFit {
 
     /// How many views a step draws, in the stage whose steps draw most.
     pub fn most_views_per_step(&self) -> usize {
-        let of = |stage| views_per_step(stage, self.learnt_from.len());
-        self.stages.iter().map(of).max().unwrap_or(0)
+        let count = |stage| views_per_step(stage, self.learnt_from.len());
+        self.stages.iter().map(count).max().unwrap_or(0)
     }
 
     /// The ranks that share the fit: one, if nobody said otherwise.
@@ -414,16 +418,17 @@ impl SceneFit {
 
     fn next_stage(&mut self) -> Result<(), SceneError> {
         self.stage += 1;
-        let own = &self.stages[self.stage];
+        let next = &self.stages[self.stage];
         let mut parameters = self.fit.parameters().clone();
         parameters.forget_moments();
-        set_rates(&mut parameters, &self.rates, own)?;
-        self.fit = Fit::new(parameters, settings(own))?;
+        set_rates(&mut parameters, &self.rates, next)?;
+        self.fit = Fit::new(parameters, settings(next))?;
         self.targets.forget();
         let seed = self.scene().description.seed;
         self.pipeline.stage = self.stage;
-        self.pipeline.views = views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed)
-            .among(Arc::clone(&self.ranks));
+        self.pipeline.views =
+            views_of(&self.renderer, &self.targets, &self.learnt_from, next, seed)
+                .among(Arc::clone(&self.ranks));
         self.pipeline.rules.begin_stage();
         Ok(())
     }
@@ -497,18 +502,18 @@ impl SceneFit {
         views: &[usize],
         mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
     ) -> Result<Vec<ViewScore>, SceneError> {
-        let own = block(views.len(), self.ranks.rank(), self.ranks.size());
+        let scores = block(views.len(), self.ranks.rank(), self.ranks.size());
         let score = |&view: &usize| {
             let seen = self.seen(view)?;
             each(&seen)?;
             Ok(seen.score)
         };
-        let own: Result<Vec<_>, SceneError> = views[own].iter().map(score).collect();
+        let scores: Result<Vec<_>, SceneError> = views[scores].iter().map(score).collect();
         let bytes =
-            own.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
+            scores.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
         let all = agree(&*self.ranks, bytes)?.concat();
         let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
-        Ok(scores.map(|(&view, bytes)| ViewScore::of_bytes(view, bytes)).collect())
+        Ok(scores.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
     }
 
     /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
@@ -538,9 +543,9 @@ impl SceneFit {
         if let Some(mask) = self.targets.mask(view)? {
             let shape = mask.shape().clone();
             let (seen, all) = (mask.data(), all.value());
-            let own = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
-            let other = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
-            score.silhouette_iou = Some(iou(&own, &other).map_err(FitError::from)?);
+            let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
+            let expected = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
+            score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
         }
         Ok(SeenView { score, image, target: Some(colors) })
     }
@@ -552,13 +557,18 @@ fn resumed(
     preconditioners: &[(String, Preconditioner)],
     fresh: &Parameters<f32>,
 ) -> Result<Fit<f32>, SceneError> {
-    let by_name: Vec<_> = preconditioners.iter().map(|(name, own)| (name.as_str(), own)).collect();
+    let by_name: Vec<_> = preconditioners
+        .iter()
+        .map(|(name, preconditioner)| (name.as_str(), preconditioner))
+        .collect();
     let fit = Fit::from_bytes_with(bytes, &by_name)?;
-    let of = |list: &Parameters<f32>| {
-        let all = list.iter().map(|own| format!("{} {}", own.name(), own.raw().shape()));
+    let shapes = |list: &Parameters<f32>| {
+        let all = list.iter().map(|preconditioner| {
+            format!("{} {}", preconditioner.name(), preconditioner.raw().shape())
+        });
         all.collect::<Vec<_>>().join(", ")
     };
-    let (expected, found) = (of(fresh), of(fit.parameters()));
+    let (expected, found) = (shapes(fresh), shapes(fit.parameters()));
     match expected == found {
         true => Ok(fit),
         false => Err(FitError::saved(format!("the scene's parameters, {expected}"), found).into()),
@@ -574,7 +584,7 @@ fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
         None => Ok(()),
         Some(name) => {
             let rule = format!("a stage learns some of {}", known.join(", "));
-            Err(SceneError::content(Place::of(&scene.path), format!("{rule}, and not {name:?}")))
+            Err(SceneError::content(Place::new(&scene.path), format!("{rule}, and not {name:?}")))
         }
     }
 }
@@ -587,7 +597,8 @@ fn set_rates(
 ) -> Result<(), FitError> {
     let factor = stage.rates.map_or(1.0, |factor| factor.0);
     for LearntRate { name, key, rate } in rates {
-        let is_learnt = stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|own| own == key));
+        let is_learnt =
+            stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|learnt| learnt == key));
         parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
     }
     Ok(())
@@ -606,7 +617,7 @@ fn settings(stage: &Stage) -> FitSettings {
 
 /// How many of `count` views a step of a stage draws.
 fn views_per_step(stage: &Stage, count: usize) -> usize {
-    stage.views_per_step.map_or(1, |own| own.0).min(count)
+    stage.views_per_step.map_or(1, |count| count.0).min(count)
 }
 
 /// The views of a stage.
@@ -674,15 +685,15 @@ mod tests {
 
     #[test]
     fn ranks_read_their_own_images_alone_and_have_the_bits_of_a_fit_alone() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path();
         let mut text = String::new();
         for view in 0..7 {
             let samples =
                 Samples::U8((0..12 * 12 * 3).map(|k| (k * (view + 3) % 256) as u8).collect());
             let picture = Picture { width: 12, height: 12, channels: 3, samples };
             let file = folder.join(format!("{view}.png"));
-            fs::write(&file, picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+            fs::write(&file, picture.encode_png(&Place::new(&file)).unwrap()).unwrap();
             text += &format!("[[views]]\nimage = \"{view}.png\"\nheld_out = {}\n", view == 2);
             text += &format!("camera = {{ position = [0.3, {view}.0, 4.0], angle = 40.0 }}\n");
         }
@@ -692,7 +703,7 @@ mod tests {
         let load = || Scene::load(folder.join("scene.toml")).unwrap();
         let fitted = |mut fit: SceneFit| {
             while fit.step().unwrap().is_some() {}
-            let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+            let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
             (raw.map(f32::to_bits).collect::<Vec<_>>(), fit.targets.kept_views())
         };
         let (expected, all) = fitted(SceneFit::new(load()).unwrap());

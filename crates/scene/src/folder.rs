@@ -115,10 +115,10 @@ impl Folder {
         let given = self.join(path.as_ref());
         let found = self.find(path)?;
         let bytes = read_found(&given, &found)?;
-        let own = found.strip_prefix(&self.root).unwrap_or(&found).to_owned();
+        let relative = found.strip_prefix(&self.root).unwrap_or(&found).to_owned();
         let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
         read.insert(
-            own,
+            relative,
             format!("{} bytes, checksum {:08x}", bytes.len(), crc32fast::hash(&bytes)),
         );
         Ok(bytes)
@@ -157,7 +157,7 @@ impl Folder {
     /// # Errors
     /// As [`Folder::read`]; [`SceneError::Content`] for what is not UTF-8.
     pub fn read_text(&self, path: impl AsRef<Path>) -> Result<String, SceneError> {
-        let place = Place::of(self.join(path.as_ref()));
+        let place = Place::new(self.join(path.as_ref()));
         let mut bytes = self.read(path)?;
         if bytes.starts_with(MARK) {
             bytes.drain(..MARK.len());
@@ -177,11 +177,11 @@ mod tests {
 
     #[test]
     fn only_files_in_the_folder_are_read() {
-        let place = tempfile::tempdir().unwrap();
-        let inside = place.path().join("scene");
+        let directory = tempfile::tempdir().unwrap();
+        let inside = directory.path().join("scene");
         fs::create_dir_all(inside.join("images")).unwrap();
         fs::write(inside.join("images/a"), "a").unwrap();
-        fs::write(place.path().join("secret"), "s").unwrap();
+        fs::write(directory.path().join("secret"), "s").unwrap();
         let folder = Folder::new(&inside).unwrap();
         assert_eq!(folder.read("images/a").unwrap(), b"a");
         assert_eq!(folder.read("images/../images/a").unwrap(), b"a");
@@ -193,7 +193,7 @@ mod tests {
             let start = folder.read_start(path, 1);
             assert!(matches!(start, Err(SceneError::Outside { .. })), "{path}");
         }
-        let absolute = folder.read(place.path().join("secret"));
+        let absolute = folder.read(directory.path().join("secret"));
         assert!(matches!(absolute, Err(SceneError::Outside { .. })));
         assert!(matches!(folder.read("missing"), Err(SceneError::Read { .. })));
         assert!(matches!(folder.read("images"), Err(SceneError::Read { .. })));
@@ -201,18 +201,18 @@ mod tests {
 
     #[test]
     fn a_byte_order_mark_is_no_text() {
-        let place = tempfile::tempdir().unwrap();
-        fs::write(place.path().join("a.json"), "\u{feff}{}").unwrap();
-        fs::write(place.path().join("b.json"), "{}\u{feff}").unwrap();
-        let folder = Folder::new(place.path()).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        fs::write(directory.path().join("a.json"), "\u{feff}{}").unwrap();
+        fs::write(directory.path().join("b.json"), "{}\u{feff}").unwrap();
+        let folder = Folder::new(directory.path()).unwrap();
         assert_eq!(folder.read_text("a.json").unwrap(), "{}");
         assert_eq!(folder.read_text("b.json").unwrap(), "{}\u{feff}");
     }
 
     #[test]
     fn there_is_a_way_from_one_folder_to_another() {
-        let place = tempfile::tempdir().unwrap();
-        let (scene, out) = (place.path().join("scene"), place.path().join("results/out"));
+        let directory = tempfile::tempdir().unwrap();
+        let (scene, out) = (directory.path().join("scene"), directory.path().join("results/out"));
         for folder in [&scene.join("out"), &out] {
             fs::create_dir_all(folder).unwrap();
         }
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(folder.seen_from(&scene.join("out")).unwrap(), Path::new(".."));
         assert_eq!(folder.seen_from(&out).unwrap(), Path::new("../../scene"));
         assert_eq!(folder.seen_from(&scene).unwrap(), Path::new(""));
-        assert!(folder.seen_from(&place.path().join("missing")).is_err());
+        assert!(folder.seen_from(&directory.path().join("missing")).is_err());
     }
 
     #[test]
@@ -229,18 +229,18 @@ mod tests {
             let folder = Folder::new(given).unwrap();
             assert_eq!(folder.join("Cargo.toml"), Path::new("Cargo.toml"), "{given:?}");
             assert!(folder.read("Cargo.toml").unwrap().starts_with(b"[package]"), "{given:?}");
-            let said = folder.read("missing").unwrap_err().to_string();
-            assert!(said.starts_with("missing could not be read"), "{said}");
+            let message = folder.read("missing").unwrap_err().to_string();
+            assert!(message.starts_with("missing could not be read"), "{message}");
         }
     }
 
     #[cfg(unix)]
     #[test]
     fn links_that_leave_the_folder_are_refused() {
-        let place = tempfile::tempdir().unwrap();
-        let inside = place.path().join("scene");
+        let directory = tempfile::tempdir().unwrap();
+        let inside = directory.path().join("scene");
         fs::create_dir_all(&inside).unwrap();
-        fs::write(place.path().join("secret"), "s").unwrap();
+        fs::write(directory.path().join("secret"), "s").unwrap();
         std::os::unix::fs::symlink("../secret", inside.join("link")).unwrap();
         let found = Folder::new(&inside).unwrap().read("link");
         assert!(matches!(found, Err(SceneError::Outside { .. })), "{found:?}");

@@ -28,40 +28,40 @@ impl Scene {
         let mut given = self.given_but_images();
         check_alike(ranks, &given)?;
         let (rank, size) = (ranks.rank(), ranks.size());
-        let mut own = self.needed_by(rank, size);
-        own.extend(self.needed_by((rank + 1) % size, size));
+        let mut files = self.needed_by(rank, size);
+        files.extend(self.needed_by((rank + 1) % size, size));
         let line = |file: &&PathBuf| match self.folder.digest(file) {
-            Ok(said) => format!("{}\0{said}\0", file.display()),
+            Ok(digest) => format!("{}\0{digest}\0", file.display()),
             Err(_) => format!("{}\0nothing that can be read\0", file.display()),
         };
-        let words: String = own.iter().map(line).collect();
+        let words: String = files.iter().map(line).collect();
         let all = agree::<_, FitError>(ranks, Ok(words.into_bytes()))?;
         let mut known = BTreeMap::new();
         for (rank, words) in all.iter().enumerate() {
             let words: Vec<_> = words.split(|&byte| byte == 0).collect();
             for pair in words.chunks_exact(2) {
-                let [file, said] =
-                    [pair[0], pair[1]].map(|own| String::from_utf8_lossy(own).into_owned());
-                let (first, before) = known.entry(file.clone()).or_insert((rank, said.clone()));
-                if *before != said {
-                    let (ranks, values) = ([rank, *first], [said, before.clone()]);
+                let [file, digest] =
+                    [pair[0], pair[1]].map(|files| String::from_utf8_lossy(files).into_owned());
+                let (first, before) = known.entry(file.clone()).or_insert((rank, digest.clone()));
+                if *before != digest {
+                    let (ranks, values) = ([rank, *first], [digest, before.clone()]);
                     return Err(FitError::Unlike { name: file, ranks, values });
                 }
             }
         }
-        given.extend(known.into_iter().map(|(file, (_, said))| (file, said)));
+        given.extend(known.into_iter().map(|(file, (_, digest))| (file, digest)));
         Ok(given)
     }
 
     /// The images and masks that a rank reads: of its views in steps, of those it measures, and of those it draws.
     fn needed_by(&self, rank: usize, size: usize) -> BTreeSet<&PathBuf> {
-        let of = |is_own: fn(&SceneView) -> bool| {
-            let own: Vec<_> = self.views.iter().filter(|view| is_own(view)).collect();
-            own[block(own.len(), rank, size)].to_vec()
+        let shared = |is_own: fn(&SceneView) -> bool| {
+            let views: Vec<_> = self.views.iter().filter(|view| is_own(view)).collect();
+            views[block(views.len(), rank, size)].to_vec()
         };
-        let learnt_from = of(|view| view.image.is_some() && !view.held_out);
-        let held_out = of(|view| view.image.is_some() && view.held_out);
-        let views = learnt_from.into_iter().chain(held_out).chain(of(|_| true));
+        let learnt_from = shared(|view| view.image.is_some() && !view.held_out);
+        let held_out = shared(|view| view.image.is_some() && view.held_out);
+        let views = learnt_from.into_iter().chain(held_out).chain(shared(|_| true));
         views.flat_map(|view| [&view.image, &view.mask]).flatten().collect()
     }
 
@@ -69,8 +69,10 @@ impl Scene {
         let keys = self.description.keys().into_iter();
         let mut given: Given = keys.map(|(key, value)| (format!("`{key}`"), value)).collect();
         given.extend(self.files.clone());
-        given.extend(self.objects.iter().map(|own| (format!("mesh {:?}", own.name), mesh(own))));
-        given.extend(self.views.iter().map(|own| (format!("view {:?}", own.name), view(own))));
+        given.extend(
+            self.objects.iter().map(|object| (format!("mesh {:?}", object.name), mesh(object))),
+        );
+        given.extend(self.views.iter().map(|x| (format!("view {:?}", x.name), view(x))));
         given
     }
 }
@@ -90,21 +92,21 @@ fn mesh(object: &Object) -> String {
 fn view(view: &SceneView) -> String {
     let SceneView { name: _, image, mask, color_space, held_out, camera } = view;
     let numbers = crc32fast::hash(format!("{camera:?}").as_bytes());
-    let mut said = format!("camera with checksum {numbers:08x}");
+    let mut digest = format!("camera with checksum {numbers:08x}");
     for (what, file) in [("image", image), ("mask", mask)] {
         if let Some(file) = file {
-            said += &format!(", {what} {}", file.display());
+            digest += &format!(", {what} {}", file.display());
         }
     }
     if let Some(space) = color_space {
-        said += &format!(", {space:?}");
+        digest += &format!(", {space:?}");
     }
-    said + if *held_out { ", held out" } else { "" }
+    digest + if *held_out { ", held out" } else { "" }
 }
 
 /// What parameters are in words, each by its name.
 pub(crate) fn starts(parameters: &Parameters<f32>) -> Given {
-    let of = |tensor: &Tensor<f32>| {
+    let described = |tensor: &Tensor<f32>| {
         let mut hasher = crc32fast::Hasher::new();
         add(&mut hasher, tensor);
         let listed =
@@ -112,7 +114,10 @@ pub(crate) fn starts(parameters: &Parameters<f32>) -> Given {
         format!("{listed}shape {}, checksum {:08x}", tensor.shape(), hasher.finalize())
     };
     let all = parameters.iter();
-    all.map(|own| (format!("the start of {:?}", own.name()), of(&own.value()))).collect()
+    all.map(|parameter| {
+        (format!("the start of {:?}", parameter.name()), described(&parameter.value()))
+    })
+    .collect()
 }
 
 fn add(hasher: &mut crc32fast::Hasher, tensor: &Tensor<f32>) {

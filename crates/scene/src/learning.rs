@@ -93,7 +93,7 @@ impl Learnt {
         let numbers: usize = all.parameters.iter().map(|parameter| parameter.raw().size()).sum();
         let bytes = (numbers as u64).saturating_mul(OF_LEARNT_NUMBER);
         let what = || format!("a fit of {numbers} numbers");
-        scene.folder.memory().check(bytes, &Place::of(&scene.path), what)?;
+        scene.folder.memory().check(bytes, &Place::new(&scene.path), what)?;
         Ok(all)
     }
 
@@ -170,5 +170,5 @@ impl Learnt {
 }
 
 fn wrong(scene: &Scene, message: impl std::fmt::Display) -> SceneError {
-    SceneError::content(Place::of(&scene.path), message)
+    SceneError::content(Place::new(&scene.path), message)
 }

@@ -109,7 +109,8 @@ impl SurfaceMaterial {
         let Self { texture, roughness_metallic, normal_map, .. } = self;
         let color = texture.texels.as_ref();
         let [red, green, blue] = if color.is_some() { [1.0; 3] } else { self.base_color };
-        let color = color.map(|texels| Picture::of_color(texels, ColorSpace::Srgb)).transpose()?;
+        let color =
+            color.map(|texels| Picture::from_color(texels, ColorSpace::Srgb)).transpose()?;
         let base_color_map = add(texture, color);
         let maps = roughness_metallic.texels.as_ref().map(|maps| {
             let byte = |x: f32| (255.0 * x.clamp(0.0, 1.0)).round() as u8;

@@ -50,7 +50,7 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh, SceneError> {
     let path = path.as_ref();
     let folder = Folder::new(path.parent().unwrap_or(Path::new("")))?;
     let name = path.file_name().map_or(path, Path::new);
-    LoadedMesh::of(&read_model(&folder, name)?, &Place::of(path))
+    LoadedMesh::from_model(&read_model(&folder, name)?, &Place::new(path))
 }
 
 /// The light of the image at `path`, a PNG, JPEG, EXR or HDR: `[H, W, C]`, with the channels that it has, one to
@@ -61,29 +61,30 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh, SceneError> {
 /// [`SceneError::Read`] where the file can't be read; otherwise as [`Picture::decode`].
 pub fn load_image(path: impl AsRef<Path>) -> Result<Tensor<f32>, SceneError> {
     let path = path.as_ref();
-    let picture = Picture::decode(&read_file(path)?, &Place::of(path))?;
-    Ok(picture.light(ColorSpace::of(&picture)))
+    let picture = Picture::decode(&read_file(path)?, &Place::new(path))?;
+    Ok(picture.light(ColorSpace::for_picture(&picture)))
 }
 
 /// A surface, and where it stands.
 type Part<'m> = (&'m Geometry, DMat4);
 
 impl LoadedMesh {
-    fn of(model: &Model, place: &Place) -> Result<Self, SceneError> {
+    fn from_model(model: &Model, place: &Place) -> Result<Self, SceneError> {
         let parts = model.placed.iter();
         let parts: Vec<Part<'_>> =
-            parts.map(|own| (&model.geometries[own.geometry], own.transform)).collect();
-        let corners = parts.iter().map(|(own, _)| own.positions.len() + own.faces.len());
+            parts.map(|parts| (&model.geometries[parts.geometry], parts.transform)).collect();
+        let corners =
+            parts.iter().map(|(geometry, _)| geometry.positions.len() + geometry.faces.len());
         let corners = corners.map(|count| count as u64).sum::<u64>();
         let what = || format!("a mesh of {corners} vertices and faces");
         Memory::default().check(corners.saturating_mul(OF_CORNER), place, what)?;
 
         let (mut points, mut faces) = (Vec::<DVec3>::new(), Vec::new());
-        for (own, matrix) in &parts {
+        for (geometry, matrix) in &parts {
             let first = points.len() as u32;
             let moved = |&point: &[f32; 3]| matrix.transform_point3(Vec3::from(point).as_dvec3());
-            points.extend(own.positions.iter().map(moved));
-            faces.extend(turned(&own.faces, matrix).map(|face| face.map(|k| first + k)));
+            points.extend(geometry.positions.iter().map(moved));
+            faces.extend(turned(&geometry.faces, matrix).map(|face| face.map(|k| first + k)));
         }
         let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let offset = far_offset(
@@ -92,12 +93,17 @@ impl LoadedMesh {
         let near = |&point: &DVec3| (point - offset).as_vec3().to_array();
         let positions: Vec<[f32; 3]> = points.iter().map(near).collect();
         let mut notes = model.notes.clone();
-        let colors =
-            joined(&parts, "colours", |own| own.colors.as_ref(), |_, row| row, &mut notes)?;
+        let colors = joined(
+            &parts,
+            "colours",
+            |geometry| geometry.colors.as_ref(),
+            |_, row| row,
+            &mut notes,
+        )?;
         let coordinates = joined(
             &parts,
             "texture coordinates",
-            |own| own.coordinates.as_ref(),
+            |geometry| geometry.coordinates.as_ref(),
             |_, row| row,
             &mut notes,
         )?;
@@ -106,10 +112,11 @@ impl LoadedMesh {
                 DMat3::from_mat4(*matrix).inverse().transpose() * DVec3::from(row.map(f64::from));
             normal.normalize_or_zero().as_vec3().to_array()
         };
-        let normals = joined(&parts, "normals", |own| own.normals.as_ref(), turn, &mut notes)?;
+        let normals =
+            joined(&parts, "normals", |geometry| geometry.normals.as_ref(), turn, &mut notes)?;
 
-        let colors_of_parts = parts.iter().flat_map(|(own, _)| {
-            own.submeshes.iter().map(move |submesh| BaseColor::new(own, submesh, model))
+        let colors_of_parts = parts.iter().flat_map(|(geometry, _)| {
+            geometry.submeshes.iter().map(move |submesh| BaseColor::new(geometry, submesh, model))
         });
         let mut base_colors: Vec<BaseColor> = colors_of_parts.collect();
         base_colors.dedup();
@@ -145,7 +152,7 @@ impl LoadedMesh {
 
 /// The materials of parts.
 fn materials<'m>(parts: &[Part<'m>], model: &'m Model) -> impl Iterator<Item = &'m MaterialFile> {
-    let numbers = parts.iter().flat_map(|(own, _)| own.materials().flatten());
+    let numbers = parts.iter().flat_map(|(geometry, _)| geometry.materials().flatten());
     numbers.filter_map(|number| model.materials.get(number))
 }
 
@@ -168,8 +175,9 @@ struct BaseColor {
 }
 
 impl BaseColor {
-    fn new(own: &Geometry, submesh: &Submesh, model: &Model) -> Self {
-        let has_colors = own.colors.as_ref().is_some_and(|own| own.covers(&submesh.faces));
+    fn new(geometry: &Geometry, submesh: &Submesh, model: &Model) -> Self {
+        let has_colors =
+            geometry.colors.as_ref().is_some_and(|colors| colors.covers(&submesh.faces));
         match submesh.material.and_then(|k| model.materials.get(k)) {
             Some(material) => {
                 let [red, green, blue, _] = material.base_color;
@@ -193,7 +201,7 @@ fn turned<'a>(faces: &'a [[u32; 3]], matrix: &DMat4) -> impl Iterator<Item = [u3
 fn joined<'m, const N: usize>(
     parts: &[Part<'m>],
     what: &str,
-    own: impl Fn(&'m Geometry) -> Option<&'m Indexed<N>>,
+    attribute: impl Fn(&'m Geometry) -> Option<&'m Indexed<N>>,
     moved: impl Fn(&DMat4, [f32; N]) -> [f32; N],
     notes: &mut Vec<String>,
 ) -> Result<Option<Attribute>, SceneError> {
@@ -201,7 +209,7 @@ fn joined<'m, const N: usize>(
         geometry.submeshes.iter().map(move |submesh| (*geometry, submesh))
     });
     let covers = |(geometry, submesh): &(&'m Geometry, &Submesh)| {
-        own(geometry).is_some_and(|own| own.covers(&submesh.faces))
+        attribute(geometry).is_some_and(|attribute| attribute.covers(&submesh.faces))
     };
     let (count, missing) = (submeshes.clone().count(), submeshes.filter(|k| !covers(k)).count());
     if missing > 0 {
@@ -212,10 +220,10 @@ fn joined<'m, const N: usize>(
     }
     let (mut rows, mut faces) = (Vec::new(), Vec::new());
     for (geometry, matrix) in parts {
-        let Some(own) = own(geometry) else { continue };
+        let Some(attribute) = attribute(geometry) else { continue };
         let first = rows.len() as u32;
-        rows.extend(own.rows.iter().map(|&row| moved(matrix, row)));
-        faces.extend(turned(&own.faces, matrix).map(|face| face.map(|k| first + k)));
+        rows.extend(attribute.rows.iter().map(|&row| moved(matrix, row)));
+        faces.extend(turned(&attribute.faces, matrix).map(|face| face.map(|k| first + k)));
     }
     let indices = Mesh::new(faces, rows.len())?;
     Ok(Some(Attribute { rows: rows.into(), indices }))
@@ -236,13 +244,13 @@ mod tests {
     fn png(samples: &[u8], [width, height, channels]: [usize; 3]) -> Vec<u8> {
         let samples = Samples::U8(samples.to_vec());
         let picture = Picture { width, height, channels, samples };
-        picture.encode_png(&Place::of("a.png")).unwrap()
+        picture.encode_png(&Place::new("a.png")).unwrap()
     }
 
     #[test]
     fn a_mesh_comes_with_all_that_its_file_names() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path();
         write(folder, "t.png", png(&[255, 188, 0, 0, 0, 255], [2, 1, 3]));
         write(folder, "m.mtl", "newmtl m\nKd 1 0.5 1\nmap_Kd t.png\n");
         let text = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 2 0 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n\
@@ -268,15 +276,15 @@ mod tests {
 
     #[test]
     fn an_image_comes_as_light_with_its_channels() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path();
         write(folder, "a.png", png(&[188, 128, 0, 255], [2, 1, 2]));
         let image = load_image(folder.join("a.png")).unwrap();
         assert_eq!(**image.shape(), [1, 2, 2]);
         let expected = [0.5029, 128.0 / 255.0, 0.0, 1.0];
         approx::assert_abs_diff_eq!(image.data(), &expected[..], epsilon = 1e-4);
         let light = Tensor::from_flat_fn([1, 2, 3], |k| 0.5 * k as f32);
-        let exr = Picture::of_numbers(&light).unwrap().encode_exr(&Place::of("a.exr")).unwrap();
+        let exr = Picture::from_numbers(&light).unwrap().encode_exr(&Place::new("a.exr")).unwrap();
         write(folder, "a.exr", exr);
         assert_eq!(load_image(folder.join("a.exr")).unwrap(), light);
         assert!(matches!(load_image(folder.join("b.png")), Err(SceneError::Read { .. })));
@@ -302,7 +310,7 @@ mod tests {
     }
 
     fn loaded(model: &Model) -> LoadedMesh {
-        LoadedMesh::of(model, &Place::of("a.glb")).unwrap()
+        LoadedMesh::from_model(model, &Place::new("a.glb")).unwrap()
     }
 
     #[test]

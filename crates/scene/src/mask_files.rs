@@ -20,10 +20,10 @@ fn names<'a>(masks: &'a Path, image: &Path) -> impl Iterator<Item = PathBuf> + u
     });
     let parts: Vec<OsString> = parts.collect();
     (0..parts.len()).flat_map(move |skipped| {
-        let own: PathBuf = parts[skipped..].iter().collect();
-        let mut longer = own.clone().into_os_string();
+        let tail: PathBuf = parts[skipped..].iter().collect();
+        let mut longer = tail.clone().into_os_string();
         longer.push(".png");
-        [own.clone(), own.with_extension("png"), longer.into()].map(|name| masks.join(name))
+        [tail.clone(), tail.with_extension("png"), longer.into()].map(|name| masks.join(name))
     })
 }
 
@@ -48,8 +48,8 @@ mod tests {
 
     #[test]
     fn a_mask_lies_where_its_image_does_in_the_other_tree() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = Folder::new(place.path()).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = Folder::new(directory.path()).unwrap();
         let (masks, image) = (Path::new("masks"), Path::new("images/front/1.jpg"));
         // From the last choice to the first.
         let all = [
@@ -64,14 +64,14 @@ mod tests {
             "images/front/1.jpg",
         ];
         assert_eq!(find_mask(&folder, masks, image), None);
-        fs::create_dir_all(place.path().join("masks/images/front")).unwrap();
-        fs::create_dir_all(place.path().join("masks/front")).unwrap();
+        fs::create_dir_all(directory.path().join("masks/images/front")).unwrap();
+        fs::create_dir_all(directory.path().join("masks/front")).unwrap();
         for name in all {
             let path = masks.join(name);
-            fs::write(place.path().join(&path), "").unwrap();
+            fs::write(directory.path().join(&path), "").unwrap();
             assert_eq!(find_mask(&folder, masks, image), Some(path));
         }
-        let absolute = place.path().join(image);
+        let absolute = directory.path().join(image);
         assert_eq!(find_mask(&folder, masks, &absolute), Some(masks.join(all[8])));
         // Of an image of another folder it is the one that both share.
         assert_eq!(
@@ -82,9 +82,9 @@ mod tests {
 
     #[test]
     fn an_image_is_not_its_own_mask() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = Folder::new(place.path()).unwrap();
-        fs::write(place.path().join("1.png"), "").unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = Folder::new(directory.path()).unwrap();
+        fs::write(directory.path().join("1.png"), "").unwrap();
         assert_eq!(find_mask(&folder, Path::new(""), Path::new("1.png")), None);
     }
 }

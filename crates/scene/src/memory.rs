@@ -48,23 +48,23 @@ pub fn memory_limit() -> u64 {
 /// The memory that the process may have, where Linux says so.
 fn available() -> Option<u64> {
     let read = |path: &str| fs::read_to_string(path).ok();
-    let machine = read("/proc/meminfo").and_then(|text| of_machine(&text));
+    let machine = read("/proc/meminfo").and_then(|text| machine_memory(&text));
     let groups = read("/proc/self/cgroup");
-    let groups = groups.iter().flat_map(|text| limits_of_groups(text));
+    let groups = groups.iter().flat_map(|text| group_limit_files(text));
     let groups = groups.filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
-    let addresses = read("/proc/self/limits").and_then(|text| of_addresses(&text));
+    let addresses = read("/proc/self/limits").and_then(|text| address_limit(&text));
     machine.into_iter().chain(groups).chain(addresses).min()
 }
 
 /// The memory of a machine in the words of `/proc/meminfo`.
-fn of_machine(text: &str) -> Option<u64> {
+fn machine_memory(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     kibibytes.checked_mul(1024)
 }
 
 /// The files that limit the control groups of `/proc/self/cgroup`, and those above them: of both versions.
-fn limits_of_groups(text: &str) -> Vec<std::path::PathBuf> {
+fn group_limit_files(text: &str) -> Vec<std::path::PathBuf> {
     let mut files = Vec::new();
     for line in text.lines() {
         let mut parts = line.splitn(3, ':').skip(1);
@@ -83,7 +83,7 @@ fn limits_of_groups(text: &str) -> Vec<std::path::PathBuf> {
 }
 
 /// The addresses that a process may use in the words of `/proc/self/limits`.
-fn of_addresses(text: &str) -> Option<u64> {
+fn address_limit(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
@@ -152,15 +152,15 @@ mod tests {
     fn what_is_taken_counts_together_and_what_is_checked_does_not() {
         let memory = Memory::default();
         let other = memory.clone();
-        let place = Place::of("a.png");
+        let place = Place::new("a.png");
         let take = |memory: &Memory, bytes, meanwhile| {
             memory.take_within(100, bytes, meanwhile, &place, || "an image".to_owned())
         };
         take(&memory, 0, 100).unwrap();
         take(&memory, 60, 40).unwrap();
-        let said = take(&other, 0, 41).unwrap_err().to_string();
+        let message = take(&other, 0, 41).unwrap_err().to_string();
         let rule = "a.png: an image needs 41 bytes of memory, and 40 bytes of 100 bytes are left";
-        assert!(said.starts_with(rule), "{said}");
+        assert!(message.starts_with(rule), "{message}");
         take(&other, 40, 0).unwrap();
         assert!(take(&memory, 1, 0).is_err());
         assert!(take(&memory, u64::MAX, u64::MAX).is_err());
@@ -169,14 +169,14 @@ mod tests {
     #[test]
     fn the_systems_words_are_read() {
         assert_eq!(
-            of_machine("MemTotal:       24684092 kB\nMemFree: 1 kB\n"),
+            machine_memory("MemTotal:       24684092 kB\nMemFree: 1 kB\n"),
             Some(25_276_510_208)
         );
-        assert_eq!(of_machine("MemFree: 1 kB\n"), None);
+        assert_eq!(machine_memory("MemFree: 1 kB\n"), None);
         let limits = "Limit   Soft Limit   Hard Limit   Units\nMax address space         536870912            unlimited            bytes\n";
-        assert_eq!(of_addresses(limits), Some(536_870_912));
-        assert_eq!(of_addresses("Max address space  unlimited  unlimited  bytes\n"), None);
-        let files = limits_of_groups("4:memory:/a/b\n3:cpuset:/c\n0::/d\n");
+        assert_eq!(address_limit(limits), Some(536_870_912));
+        assert_eq!(address_limit("Max address space  unlimited  unlimited  bytes\n"), None);
+        let files = group_limit_files("4:memory:/a/b\n3:cpuset:/c\n0::/d\n");
         let files: Vec<_> = files.iter().map(|file| file.to_str().unwrap()).collect();
         let expected = [
             "/sys/fs/cgroup/memory/a/b/memory.limit_in_bytes",

@@ -187,8 +187,8 @@ impl Model {
     pub fn places(&self) -> Vec<Vec<DMat4>> {
         let mut places = vec![Vec::new(); self.geometries.len()];
         for placed in &self.placed {
-            if let Some(own) = places.get_mut(placed.geometry) {
-                own.push(placed.transform);
+            if let Some(transforms) = places.get_mut(placed.geometry) {
+                transforms.push(placed.transform);
             }
         }
         places

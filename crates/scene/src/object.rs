@@ -125,7 +125,8 @@ impl Object {
     ) -> Result<Self, SceneError> {
         let mesh = Mesh::new(geometry.faces.clone(), geometry.positions.len())?;
         let coordinates = geometry.coordinates.as_ref();
-        let coordinates = coordinates.map(|own| of_vertices(own, &geometry.faces));
+        let coordinates =
+            coordinates.map(|coordinates| split_at_vertices(coordinates, &geometry.faces));
         // Faces of one material of the file are one to whoever learns it, whatever else they carry.
         let (mut names, mut of_kinds) = (HashSet::new(), HashMap::new());
         let materials = geometry.submeshes.iter().enumerate().map(|(k, submesh)| {
@@ -169,14 +170,14 @@ impl Object {
             let color =
                 if material.texture.texels.is_some() { [1.0; 3] } else { material.base_color };
             material.base_color = [1.0; 3];
-            let own = &self.mesh.faces()[material.faces.clone()];
+            let corners = &self.mesh.faces()[material.faces.clone()];
             let mut rows = vec![NO_ROW; self.mesh.vertex_count()];
-            own.as_flattened().iter().for_each(|&vertex| rows[vertex as usize] = 0);
+            corners.as_flattened().iter().for_each(|&vertex| rows[vertex as usize] = 0);
             for row in rows.iter_mut().filter(|row| **row != NO_ROW) {
                 *row = colors.len() as u32;
                 colors.push(color);
             }
-            faces.extend(own.iter().map(|face| face.map(|vertex| rows[vertex as usize])));
+            faces.extend(corners.iter().map(|face| face.map(|vertex| rows[vertex as usize])));
         }
         let indices = Mesh::new(faces, colors.len())?;
         self.colors = Some(Attribute { rows: rows(&colors), indices });
@@ -297,23 +298,23 @@ fn rows<const N: usize>(rows: &[[f32; N]]) -> Tensor<f32> {
     Tensor::from(rows)
 }
 
-fn attribute<const N: usize>(own: &Indexed<N>) -> Result<Attribute, SceneError> {
-    let count = own.rows.len();
-    let mut faces = own.faces.clone();
+fn attribute<const N: usize>(indexed: &Indexed<N>) -> Result<Attribute, SceneError> {
+    let count = indexed.rows.len();
+    let mut faces = indexed.faces.clone();
     let gaps = faces.as_flattened_mut().iter_mut().filter(|row| **row == NO_ROW);
     let gaps = gaps.map(|row| *row = count as u32).count();
     let indices = Mesh::new(faces, count + usize::from(gaps > 0))?;
-    Ok(Attribute { rows: rows(&own.rows), indices })
+    Ok(Attribute { rows: rows(&indexed.rows), indices })
 }
 
 /// The same numbers, none of them at two vertices: tangents of a vertex need coordinates of its own.
-fn of_vertices<const N: usize>(own: &Indexed<N>, faces: &[[u32; 3]]) -> Indexed<N> {
+fn split_at_vertices<const N: usize>(indexed: &Indexed<N>, faces: &[[u32; 3]]) -> Indexed<N> {
     let (mut seen, mut rows) = (HashMap::new(), Vec::new());
-    let corners = faces.iter().zip(&own.faces).map(|(vertices, indices)| {
+    let corners = faces.iter().zip(&indexed.faces).map(|(vertices, indices)| {
         [0, 1, 2].map(|corner| match indices[corner] {
             NO_ROW => NO_ROW,
             row => *seen.entry((vertices[corner], row)).or_insert_with(|| {
-                rows.push(own.rows[row as usize]);
+                rows.push(indexed.rows[row as usize]);
                 rows.len() as u32 - 1
             }),
         })
@@ -338,8 +339,9 @@ mod tests {
 
     #[test]
     fn coordinates_at_two_vertices_become_two() {
-        let own = Indexed { rows: vec![[0.0, 0.0], [1.0, 1.0]], faces: vec![[0, 0, 1], [1, 0, 0]] };
-        let found = of_vertices(&own, &[[0, 1, 2], [2, 1, 3]]);
+        let indexed =
+            Indexed { rows: vec![[0.0, 0.0], [1.0, 1.0]], faces: vec![[0, 0, 1], [1, 0, 0]] };
+        let found = split_at_vertices(&indexed, &[[0, 1, 2], [2, 1, 3]]);
         assert_eq!(found.rows.len(), 4);
         assert_eq!(found.faces, [[0, 1, 2], [2, 1, 3]]);
     }

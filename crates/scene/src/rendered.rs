@@ -71,7 +71,7 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     let mut files = Vec::new();
     let mut add = |what: &str, kind: &str, picture: &Picture| {
         let file = format!("{name}{what}.{kind}");
-        let place = Place::of(&file);
+        let place = Place::new(&file);
         let bytes = match kind {
             "png" => picture.encode_png(&place)?,
             _ => picture.encode_exr(&place)?,
@@ -81,8 +81,8 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     };
     let image = renderer.image(&values, &drawn, 1)?;
     let colors = image.slice(2, 0..3).map_err(FitError::from)?.value();
-    add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Place::of(name))?)?;
-    add("", "exr", &Picture::of_numbers(&drawn.light.image()?.value())?)?;
+    add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Place::new(name))?)?;
+    add("", "exr", &Picture::from_numbers(&drawn.light.image()?.value())?)?;
 
     let depth = dense(coverage, &eye_depth(&drawn.fragments)?.values().value(), 1);
     let seen = || depth.data().iter().filter(|&&depth| depth > 0.0);
@@ -96,12 +96,12 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     let [height, width] = [depth.shape()[0], depth.shape()[1]];
     let gray = |samples: Samples| Picture { width, height, channels: 1, samples };
     let nearness = gray(Samples::U8(nearness.collect()));
-    add("-depth", "exr", &Picture::of_numbers(&depth)?)?;
+    add("-depth", "exr", &Picture::from_numbers(&depth)?)?;
     add("-depth", "png", &nearness)?;
 
     let normals = renderer.normals(&values, drawn.world, &drawn.fragments)?;
     let normals = dense(coverage, &normals.normalize().map_err(FitError::from)?.value(), 3);
-    add("-normals", "exr", &Picture::of_numbers(&normals)?)?;
+    add("-normals", "exr", &Picture::from_numbers(&normals)?)?;
     let shown = normals.data().iter().map(|x| (127.5 * (x + 1.0)).round() as u8);
     let shown = Picture { width, height, channels: 3, samples: Samples::U8(shown.collect()) };
     add("-normals", "png", &shown)?;
@@ -113,7 +113,7 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     });
     let instances = gray(Samples::U16(instances.collect()));
     let faces = Tensor::from_flat_fn([height, width, 1], |pixel| ids[pixel] as f32);
-    add("-ids", "exr", &Picture::of_numbers(&faces)?)?;
+    add("-ids", "exr", &Picture::from_numbers(&faces)?)?;
     add("-ids", "png", &instances)?;
     Ok(Rendered { view: name.clone(), files })
 }

@@ -63,8 +63,8 @@ impl Scene {
         if let Some(texels) = &self.environment {
             let [side, all] = [texels.shape()[1], texels.data().len()];
             let faces = Tensor::from_flat_fn([all / (3 * side), side, 3], |k| texels.data()[k]);
-            let place = Place::of("environment.exr");
-            write("environment.exr", &Picture::of_numbers(&faces)?.encode_exr(&place)?)?;
+            let place = Place::new("environment.exr");
+            write("environment.exr", &Picture::from_numbers(&faces)?.encode_exr(&place)?)?;
         }
         let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
         write("numbers.json", format!("{numbers}\n").as_bytes())?;
@@ -138,16 +138,16 @@ impl Scene {
     fn files(&self) -> HashSet<PathBuf> {
         let Description { meshes, cameras, environment, .. } = &self.description;
         let meshes = || meshes.iter().map(|entry| entry.get_ref());
-        let files = meshes().filter_map(|own| own.file.as_ref());
+        let files = meshes().filter_map(|mesh| mesh.file.as_ref());
         let named = files.clone().flat_map(|file| {
             let beside = file.parent().unwrap_or(Path::new("")).to_owned();
             let named = named_files(&self.folder, file).unwrap_or_default();
             named.into_iter().map(move |name| beside.join(name))
         });
-        let maps = meshes().flat_map(|own| [&own.material.texture, &own.material.normals]);
-        let views = self.views.iter().flat_map(|own| [&own.image, &own.mask]);
-        let cameras = cameras.iter().filter_map(|own| own.get_ref().transforms.as_ref());
-        let environment = environment.iter().filter_map(|own| own.get_ref().image.as_ref());
+        let maps = meshes().flat_map(|mesh| [&mesh.material.texture, &mesh.material.normals]);
+        let views = self.views.iter().flat_map(|view| [&view.image, &view.mask]);
+        let cameras = cameras.iter().filter_map(|camera| camera.get_ref().transforms.as_ref());
+        let environment = environment.iter().filter_map(|entry| entry.get_ref().image.as_ref());
         let name = self.path.file_name().map(PathBuf::from);
         let all =
             files.clone().chain(maps.chain(views).flatten()).chain(cameras).chain(environment);
@@ -170,11 +170,11 @@ impl Scene {
         add("focus", pipeline.lens.map(|lens| lens.focus.0));
         let lights = self.description.lights.iter().map(|light| match light.place() {
             None => json!({ "color": light.color() }),
-            Some(LightPlace::Direction(own)) => {
-                json!({ "color": light.color(), "direction": own.to_array() })
+            Some(LightPlace::Direction(place)) => {
+                json!({ "color": light.color(), "direction": place.to_array() })
             }
-            Some(LightPlace::Position(own)) => {
-                json!({ "color": light.color(), "position": own.to_array() })
+            Some(LightPlace::Position(place)) => {
+                json!({ "color": light.color(), "position": place.to_array() })
             }
         });
         numbers.insert("lights".to_owned(), lights.collect());
@@ -188,11 +188,11 @@ impl Scene {
             // From the coordinates of its file, which its PLY has, too.
             let back = DMat4::from_translation(-object.offset);
             let places = object.places.iter().map(|place| rows(&(*place * back)));
-            let own = json!({
+            let place = json!({
                 "materials": materials.collect::<Value>(),
                 "places": places.collect::<Value>(),
             });
-            (object.name.clone(), own)
+            (object.name.clone(), place)
         });
         numbers.insert("objects".to_owned(), Value::Object(objects.collect()));
         Value::Object(numbers)
@@ -208,7 +208,7 @@ impl Scene {
             Tone::Srgb => ColorSpace::Linear,
             Tone::Linear => ColorSpace::Srgb,
         };
-        Picture::of_color(image, space)?.encode_png(&Place::of("a picture"))
+        Picture::from_color(image, space)?.encode_png(&Place::new("a picture"))
     }
 }
 
@@ -222,7 +222,7 @@ fn texture_name(material: &str) -> String {
 /// # Errors
 /// [`SceneError::Render`] for a tensor of another shape.
 fn texture_png(texels: &Tensor<f32>, name: &str) -> Result<Vec<u8>, SceneError> {
-    Picture::of_color(texels, ColorSpace::Srgb)?.encode_png(&Place::of(name))
+    Picture::from_color(texels, ColorSpace::Srgb)?.encode_png(&Place::new(name))
 }
 
 /// The rows of a matrix.
@@ -239,14 +239,14 @@ mod tests {
 
     #[test]
     fn an_environment_is_read_again_as_it_was_written() {
-        let place = tempfile::tempdir().unwrap();
-        let file = place.path().join("scene.toml");
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("scene.toml");
         fs::write(&file, "[environment]\ncolor = [1, 0.5, 3]\nsize = 8\n").unwrap();
         let mut scene = Scene::load(&file).unwrap();
         let texels = Tensor::from_flat_fn([6, 8, 8, 3], |k| 0.01 * k as f32);
         scene.environment = Some(texels.clone());
-        let written = scene.save_results(place.path()).unwrap();
-        assert!(written.contains(&place.path().join("environment.exr")));
+        let written = scene.save_results(directory.path()).unwrap();
+        assert!(written.contains(&directory.path().join("environment.exr")));
         fs::write(&file, "[environment]\nimage = \"environment.exr\"\n").unwrap();
         assert_eq!(Scene::load(&file).unwrap().environment, Some(texels));
     }
@@ -261,11 +261,11 @@ mod tests {
 
     #[test]
     fn textures_are_written_as_photographs_are_and_named_by_their_meshes() {
-        let place = tempfile::tempdir().unwrap();
-        let mut scene = textured(place.path());
+        let directory = tempfile::tempdir().unwrap();
+        let mut scene = textured(directory.path());
         let texels = Tensor::from_flat_fn([2, 2, 3], |k| k as f32 / 11.0);
         scene.objects[0].materials[0].texture.texels = Some(texels.clone());
-        let out = place.path().join("out");
+        let out = directory.path().join("out");
         let written = scene.save_results(&out).unwrap();
         assert!(written.contains(&out.join("a-texture.png")));
         // Its PLY names it, learnt or not.
@@ -276,14 +276,14 @@ mod tests {
             assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
             let file = format!("{name}-texture.png");
             let bytes = fs::read(out.join(&file)).unwrap();
-            assert_eq!(model.images[0], Picture::decode(&bytes, &Place::of(&file)).unwrap());
+            assert_eq!(model.images[0], Picture::decode(&bytes, &Place::new(&file)).unwrap());
         }
         let names = scene.result_names();
         assert!(
             written.iter().all(|file| names.contains(&file.strip_prefix(&out).unwrap().into()))
         );
         let bytes = fs::read(out.join("a-texture.png")).unwrap();
-        let read = Picture::decode(&bytes, &Place::of("a-texture.png")).unwrap();
+        let read = Picture::decode(&bytes, &Place::new("a-texture.png")).unwrap();
         assert_eq!(read.channels, 3);
         // Half a step of 8 bits, where sRGB is flattest.
         approx::assert_abs_diff_eq!(
@@ -295,8 +295,8 @@ mod tests {
 
     #[test]
     fn no_result_takes_the_place_of_what_the_scene_reads() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path();
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path();
         let scene = textured(folder);
         fs::write(folder.join("mesh.glb"), crate::mesh::glb(&scene.model().unwrap()).unwrap())
             .unwrap();
@@ -306,10 +306,10 @@ mod tests {
         let scene = Scene::load(folder.join("own.toml")).unwrap();
         let names = scene.result_names();
         scene.check_results(folder.join("out"), &names).unwrap();
-        let said = scene.check_results(folder, &names).unwrap_err().to_string();
-        assert!(said.ends_with("another place than a file that the scene reads"), "{said}");
-        assert!(said.contains("mesh.glb could not be written"), "{said}");
-        let own = [PathBuf::from("own.toml")];
-        assert!(scene.check_results(folder, &own).is_err());
+        let message = scene.check_results(folder, &names).unwrap_err().to_string();
+        assert!(message.ends_with("another place than a file that the scene reads"), "{message}");
+        assert!(message.contains("mesh.glb could not be written"), "{message}");
+        let scene_file = [PathBuf::from("own.toml")];
+        assert!(scene.check_results(folder, &scene_file).is_err());
     }
 }

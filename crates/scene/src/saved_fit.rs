@@ -48,8 +48,8 @@ impl Origin {
     /// where stages were changed that are done, before `stage`.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
         let refused = |rule: &str, found: &Difference| {
-            let (own, other) = (described(found.own.as_ref()), described(found.other.as_ref()));
-            FitError::saved(format!("{rule}: {}, {own}", found.name), other)
+            let (before, other) = (described(found.own.as_ref()), described(found.other.as_ref()));
+            FitError::saved(format!("{rule}: {}, {before}", found.name), other)
         };
         if let Some(found) = differences(&self.starts, &now.starts).first() {
             return Err(refused("the start that it learnt from", found));

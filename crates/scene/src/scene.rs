@@ -16,7 +16,7 @@ use crate::cameras::{Camera, read_colmap, read_transforms};
 use crate::description::{
     ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
-use crate::environment::of_panorama;
+use crate::environment::cube_from_panorama;
 use crate::error::{Place, SceneError};
 use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
@@ -141,7 +141,7 @@ impl Scene {
         for SceneView { camera: Camera { size, .. }, .. } in &views {
             let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
             if found > MOST_SAMPLES {
-                let place = Place::of(path);
+                let place = Place::new(path);
                 return Err(SceneError::TooLarge { place, what, most: MOST_SAMPLES, found });
             }
         }
@@ -154,14 +154,15 @@ impl Scene {
         let environment = source.environment(&description)?;
         let Source { path, folder, .. } = source;
         let files = folder.files_read().into_iter().filter(|(file, _)| *file != name);
-        let files = files.map(|(file, said)| (file.display().to_string(), said)).collect();
+        let files = files.map(|(file, digest)| (file.display().to_string(), digest)).collect();
         let mut scene =
             Self { path, folder, description, objects, views, environment, notes, files };
         for object in &scene.objects {
-            let has_map = object.materials.iter().any(|own| own.normal_map.texels.is_some());
+            let has_map =
+                object.materials.iter().any(|material| material.normal_map.texels.is_some());
             if has_map && object.tangents.is_some() && scene.learns_vertices(object) {
-                let found = "its vertices are learnt, so tangents follow from its coordinates";
-                let note = format!("{}: {found}, not from its file", object.name);
+                let message = "its vertices are learnt, so tangents follow from its coordinates";
+                let note = format!("{}: {message}, not from its file", object.name);
                 scene.notes.push(note);
             }
         }
@@ -184,7 +185,7 @@ impl Scene {
     pub(crate) fn learns_vertices(&self, object: &Object) -> bool {
         let names = |names: &Vec<String>| names.contains(&object.name);
         let learnt = self.description.learn.vertices.as_ref();
-        learnt.is_some_and(|own| own.meshes.as_ref().is_none_or(names))
+        learnt.is_some_and(|learnt| learnt.meshes.as_ref().is_none_or(names))
     }
 
     /// The view `name`.
@@ -207,7 +208,7 @@ pub(crate) fn check_views(
     let place = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));
     let Size { width, height } = largest.camera.size;
     let what = || format!("the view {:?} of {width} x {height}", largest.name);
-    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::of(place), what)
+    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::new(place), what)
 }
 
 /// A note where one lens is learnt for views that have several.
@@ -233,7 +234,7 @@ fn check_names<'a>(
     for name in names {
         let wrong = |rule: &str| {
             let message = format!("the name of {what} {rule}, and there is {name:?}");
-            Err(SceneError::content(Place::of(path), message))
+            Err(SceneError::content(Place::new(path), message))
         };
         if !is_file_name(name) {
             return wrong("is that of a file");
@@ -258,25 +259,25 @@ impl Source {
         is_lit: bool,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Object>, SceneError> {
-        let own = entry.get_ref();
-        let (model, default) = match (&own.file, own.shape) {
-            (Some(file), None) if own.faces.is_none() => {
-                let vertex_color_space = own.vertex_color_space.map(color_space);
-                let options = MeshOptions { vertex_color_space, weld: own.weld };
+        let mesh = entry.get_ref();
+        let (model, default) = match (&mesh.file, mesh.shape) {
+            (Some(file), None) if mesh.faces.is_none() => {
+                let vertex_color_space = mesh.vertex_color_space.map(color_space);
+                let options = MeshOptions { vertex_color_space, weld: mesh.weld };
                 let model = read_counted(&self.folder, file, options)?;
-                let said = |note: &String| format!("{}: {note}", file.display());
-                notes.extend(model.notes.iter().map(said));
+                let note = |note: &String| format!("{}: {note}", file.display());
+                notes.extend(model.notes.iter().map(note));
                 (model, stem(file))
             }
-            (None, Some(shape)) if own.vertex_color_space.is_none() && own.weld.is_none() => {
-                let faces = own.faces.map_or(FACES, |faces| faces.0);
+            (None, Some(shape)) if mesh.vertex_color_space.is_none() && mesh.weld.is_none() => {
+                let faces = mesh.faces.map_or(FACES, |faces| faces.0);
                 self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
                 let what = || format!("a shape of {faces} faces");
                 self.folder.memory().check(faces as u64 * OF_FACE, &self.place(entry), what)?;
                 let geometry = match shape {
                     Shape::Sphere => shapes::sphere(faces),
-                    Shape::Cube => shapes::cube(own.faces.map_or(12, |faces| faces.0)),
-                    Shape::Plane => shapes::plane(own.faces.map_or(2, |faces| faces.0)),
+                    Shape::Cube => shapes::cube(mesh.faces.map_or(12, |faces| faces.0)),
+                    Shape::Plane => shapes::plane(mesh.faces.map_or(2, |faces| faces.0)),
                 };
                 let name = geometry.name.clone();
                 let placed = Placed { name: name.clone(), geometry: 0, transform: DMat4::IDENTITY };
@@ -290,32 +291,36 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
-        let kind = own.file.as_ref().and_then(|file| MeshKind::of(file).ok());
-        let name = own.name.clone().unwrap_or(default);
-        let first = own.place.matrix();
+        let kind = mesh.file.as_ref().and_then(|file| MeshKind::from_path(file).ok());
+        let name = mesh.name.clone().unwrap_or(default);
+        let first = mesh.place.matrix();
         let mut instances = vec![first];
-        instances.extend(own.instances.iter().map(|instance| first * instance.matrix()));
+        instances.extend(mesh.instances.iter().map(|instance| first * instance.matrix()));
         let places = model.places().into_iter().enumerate();
         let drawn: Vec<_> = places.filter(|(_, places)| !places.is_empty()).collect();
         let mut objects = Vec::with_capacity(drawn.len());
-        for (at, (k, places)) in drawn.iter().enumerate() {
+        for (index, (k, places)) in drawn.iter().enumerate() {
             // Several meshes of a file: bunny-1, bunny-2.
-            let name = if drawn.len() == 1 { name.clone() } else { format!("{name}-{}", at + 1) };
-            let places = instances.iter().flat_map(|&m| places.iter().map(move |&own| m * own));
+            let name =
+                if drawn.len() == 1 { name.clone() } else { format!("{name}-{}", index + 1) };
+            let places = instances.iter().flat_map(|&m| places.iter().map(move |&place| m * place));
             let geometry = &model.geometries[*k];
             let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
-            let texels =
-                materials.map(|own| SurfaceMaterial::texels_of_file(own, &model.images)).sum();
+            let texels = materials
+                .map(|materials| SurfaceMaterial::texels_of_file(materials, &model.images))
+                .sum();
             self.claim_texels(texels, entry)?;
             for submesh in &geometry.submeshes {
                 let material = submesh.material.and_then(|k| model.materials.get(k));
-                let is_mapped = material.is_some_and(|own| own.images().next().is_some());
-                let is_placed =
-                    geometry.coordinates.as_ref().is_some_and(|own| own.covers(&submesh.faces));
+                let is_mapped = material.is_some_and(|material| material.images().next().is_some());
+                let is_placed = geometry
+                    .coordinates
+                    .as_ref()
+                    .is_some_and(|coordinates| coordinates.covers(&submesh.faces));
                 if is_mapped && !is_placed {
-                    let found =
+                    let message =
                         "images of its material were left out, as it has no texture coordinates";
-                    notes.push(format!("{name}: {found}"));
+                    notes.push(format!("{name}: {message}"));
                 }
             }
             let has_normals = |k: &Submesh| {
@@ -323,11 +328,11 @@ impl Source {
             };
             let is_smooth = !geometry.submeshes.iter().all(has_normals);
             if is_lit && is_smooth && kind == Some(MeshKind::Gltf) {
-                let found = "its file has no normals: they are smooth, where glTF has flat ones";
-                notes.push(format!("{name}: {found}"));
+                let message = "its file has no normals: they are smooth, where glTF has flat ones";
+                notes.push(format!("{name}: {message}"));
             }
             let mut object = Object::from_geometry(name, geometry, &model, places.collect())?;
-            self.dress(&mut object, &own.material, entry)?;
+            self.dress(&mut object, &mesh.material, entry)?;
             objects.push(object);
         }
         Ok(objects)
@@ -335,9 +340,9 @@ impl Source {
 
     /// Takes the memory of textures of a mesh, before they are made.
     fn claim_texels(&self, texels: u64, entry: &Spanned<MeshEntry>) -> Result<(), SceneError> {
-        let [kept, meanwhile] = [OF_TEXEL, OF_NEW_TEXEL].map(|own| texels.saturating_mul(own));
+        let [kept, meanwhile] = [OF_TEXEL, OF_NEW_TEXEL].map(|bytes| texels.saturating_mul(bytes));
         let place = match &entry.get_ref().file {
-            Some(file) => Place::of(self.folder.join(file)),
+            Some(file) => Place::new(self.folder.join(file)),
             None => self.place(entry),
         };
         let what = || format!("textures of {texels} texels");
@@ -358,12 +363,14 @@ impl Source {
             object.color_vertices()?;
         }
         for material in &object.materials {
-            let is_placed =
-                object.coordinates.as_ref().is_some_and(|own| own.covers(&material.faces));
+            let is_placed = object
+                .coordinates
+                .as_ref()
+                .is_some_and(|coordinates| coordinates.covers(&material.faces));
             if !is_placed && material.has_maps() {
                 let rule = "a mesh with a texture has texture coordinates";
-                let found = format!("{rule}, and {:?} has none", object.material_name(material));
-                return Err(self.wrong(entry, found));
+                let message = format!("{rule}, and {:?} has none", object.material_name(material));
+                return Err(self.wrong(entry, message));
             }
         }
         Ok(())
@@ -393,7 +400,7 @@ impl Source {
             (Some(file), None) => {
                 let image = self.image(file)?;
                 self.claim_texels(image.pixels() as u64, entry)?;
-                material.texture = map(image.color(ColorSpace::of(&image)));
+                material.texture = map(image.color(ColorSpace::for_picture(&image)));
             }
             (None, Some(size)) => {
                 let samples = (3 * size.0 as u64).saturating_mul(size.0 as u64);
@@ -427,14 +434,14 @@ impl Source {
         notes: &mut Vec<String>,
     ) -> Result<Vec<SceneView>, SceneError> {
         let entries = || description.views.iter().map(Spanned::get_ref);
-        let given = entries().filter_map(|own| own.name.clone()).collect();
-        let unnamed = entries().filter(|own| own.name.is_none());
-        let unnamed = unnamed.filter_map(|own| own.image.as_deref());
+        let given = entries().filter_map(|entry| entry.name.clone()).collect();
+        let unnamed = entries().filter(|entry| entry.name.is_none());
+        let unnamed = unnamed.filter_map(|view| view.image.as_deref());
         let mut unnamed = names(unnamed, &given).into_iter();
         let mut views = Vec::with_capacity(description.views.len());
         for entry in &description.views {
-            let own = entry.get_ref();
-            let name = match (&own.name, &own.image) {
+            let view = entry.get_ref();
+            let name = match (&view.name, &view.image) {
                 (Some(name), _) => Some(name.clone()),
                 (None, Some(_)) => unnamed.next(),
                 (None, None) => None,
@@ -462,49 +469,49 @@ impl Source {
         let every = cameras.held_out_every.map(|every| every.0);
         let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
         let unnamed = names(named.iter().map(|view| view.image.as_path()), &taken);
-        for (at, (own, name)) in named.into_iter().zip(unnamed).enumerate() {
+        for (index, (view, name)) in named.into_iter().zip(unnamed).enumerate() {
             let mask = match &cameras.masks {
-                None => own.mask,
+                None => view.mask,
                 // One that is missing is missed when its turn comes.
-                Some(masks) => find_mask(&self.folder, masks, &own.image)
-                    .or(own.mask)
-                    .or_else(|| Some(usual_mask(masks, &own.image))),
+                Some(masks) => find_mask(&self.folder, masks, &view.image)
+                    .or(view.mask)
+                    .or_else(|| Some(usual_mask(masks, &view.image))),
             };
             views.push(SceneView {
                 name,
-                image: Some(own.image),
+                image: Some(view.image),
                 mask,
                 color_space: cameras.color_space.map(color_space),
-                held_out: every.is_some_and(|every| at.is_multiple_of(every)),
-                camera: own.camera,
+                held_out: every.is_some_and(|every| index.is_multiple_of(every)),
+                camera: view.camera,
             });
         }
         Ok(views)
     }
 
     fn view(&self, entry: &Spanned<ViewEntry>, name: String) -> Result<SceneView, SceneError> {
-        let own = entry.get_ref();
-        let size = match (own.camera.size, &own.image) {
+        let view = entry.get_ref();
+        let size = match (view.camera.size, &view.image) {
             (Some(size), _) => size.map(|extent| extent.0),
-            (None, Some(file)) => Picture::size_in(&self.folder, file)?,
+            (None, Some(file)) => Picture::read_size(&self.folder, file)?,
             (None, None) => {
                 let rule = "the camera of a view without an image has a `size`";
                 return Err(self.wrong(entry, rule));
             }
         };
         Ok(SceneView {
-            camera: camera(&own.camera, size).map_err(|rule| self.wrong(entry, rule))?,
+            camera: camera(&view.camera, size).map_err(|rule| self.wrong(entry, rule))?,
             name,
-            image: own.image.clone(),
-            mask: own.mask.clone(),
-            color_space: own.color_space.map(color_space),
-            held_out: own.held_out,
+            image: view.image.clone(),
+            mask: view.mask.clone(),
+            color_space: view.color_space.map(color_space),
+            held_out: view.held_out,
         })
     }
 
     fn environment(&self, description: &Description) -> Result<Option<Tensor<f32>>, SceneError> {
         let Some(entry) = &description.environment else { return Ok(None) };
-        let own = entry.get_ref();
+        let light = entry.get_ref();
         let check = |side: usize| match SIDES.contains(&side) && side.is_power_of_two() {
             true => Ok(side),
             false => {
@@ -512,12 +519,12 @@ impl Source {
                 Err(self.wrong(entry, format!("{rule}, and this is {side}")))
             }
         };
-        match (&own.image, own.color) {
+        match (&light.image, light.color) {
             (Some(file), None) => {
                 let image = self.image(file)?;
                 let [width, height] = [image.width, image.height];
-                let texels = image.color(ColorSpace::of(&image));
-                match own.size {
+                let texels = image.color(ColorSpace::for_picture(&image));
+                match light.size {
                     None if height == 6 * width => {
                         let shape = [6, check(width)?, width, 3];
                         Ok(Some(Tensor::from_flat_fn(shape, |k| texels.data()[k])))
@@ -526,18 +533,19 @@ impl Source {
                         // At the horizon a texel is as wide as a pixel.
                         let usual = *PANORAMA.end().min(&(width / 4).max(*PANORAMA.start()));
                         let side = size.map_or(1 << usual.ilog2(), |size| size.0);
-                        Ok(Some(of_panorama(&texels, check(side)?)))
+                        Ok(Some(cube_from_panorama(&texels, check(side)?)))
                     }
                     _ => {
                         let rule = "an environment's image is a panorama, twice as wide as high, or \
                              without `size` six faces, one below the other";
-                        let found = format!("{rule}, and {} is {width} x {height}", file.display());
-                        Err(self.wrong(entry, found))
+                        let message =
+                            format!("{rule}, and {} is {width} x {height}", file.display());
+                        Err(self.wrong(entry, message))
                     }
                 }
             }
             (None, Some(color)) => {
-                let side = check(own.size.map_or(SIDE, |size| size.0))?;
+                let side = check(light.size.map_or(SIDE, |size| size.0))?;
                 Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| color[k % 3].0 as f32)))
             }
             _ => {

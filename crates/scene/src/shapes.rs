@@ -34,9 +34,9 @@ pub(crate) fn sphere(faces: usize) -> Geometry {
         "sphere",
         cells,
         |share| if share == 1.0 { 1.0 } else { (FRAC_PI_4 * share).tan() },
-        |at| {
-            let length = at.iter().map(|x| x * x).sum::<f32>().sqrt();
-            at.map(|x| x / length)
+        |point| {
+            let length = point.iter().map(|x| x * x).sum::<f32>().sqrt();
+            point.map(|x| x / length)
         },
     )
 }
@@ -44,7 +44,7 @@ pub(crate) fn sphere(faces: usize) -> Geometry {
 /// A cube from -1 to 1 with about so many faces.
 pub(crate) fn cube(faces: usize) -> Geometry {
     let cells = cells(faces, 6);
-    let mut cube = grids("cube", cells, |share| share, |at| at);
+    let mut cube = grids("cube", cells, |share| share, |point| point);
     // Sides are flat to their edges.
     let normals = SIDES.map(|[out, ..]| out).to_vec();
     let faces = (0..cube.faces.len()).map(|face| [(face / (2 * cells * cells)) as u32; 3]);
@@ -87,12 +87,12 @@ fn grids(
     let side = cells + 1;
     // Mirrored lines are mirrored to the bit, or neighbouring sides would not meet.
     let line = |k: usize| {
-        let at = line((2 * k).abs_diff(cells) as f32 / cells as f32);
-        if 2 * k < cells { -at } else { at }
+        let side_index = line((2 * k).abs_diff(cells) as f32 / cells as f32);
+        if 2 * k < cells { -side_index } else { side_index }
     };
     let mut corners = Vec::with_capacity(6 * side * side);
     let mut rows = Vec::with_capacity(6 * side * side);
-    for (at, [out, along, down]) in SIDES.iter().enumerate() {
+    for (side_index, [out, along, down]) in SIDES.iter().enumerate() {
         for k in 0..side * side {
             let [s, t] = [line(k % side), line(k / side)];
             corners.push(place([0, 1, 2].map(|axis| out[axis] + s * along[axis] + t * down[axis])));
@@ -100,17 +100,17 @@ fn grids(
             let [u, v] = [share(k % side), share(k / side)];
             // Away from the neighbours in the texture, which a coarse level would mix in.
             let [u, v] = [u, v].map(|share| MARGIN + share * (1.0 - 2.0 * MARGIN));
-            rows.push([((at % 3) as f32 + u) / 3.0, ((at / 3) as f32 + v) / 2.0]);
+            rows.push([((side_index % 3) as f32 + u) / 3.0, ((side_index / 3) as f32 + v) / 2.0]);
         }
     }
     let mut faces = Vec::with_capacity(12 * cells * cells);
-    for at in 0..6 {
-        let first = (at * side * side) as u32;
+    for side_index in 0..6 {
+        let first = (side_index * side * side) as u32;
         faces.extend(grid_faces(cells).map(|face| face.map(|corner| corner + first)));
     }
     let (positions, joined) = joined(&corners);
-    let own = faces.iter().map(|face| face.map(|corner| joined[corner as usize])).collect();
-    geometry(name, positions, own, Indexed { rows, faces })
+    let vertices = faces.iter().map(|face| face.map(|corner| joined[corner as usize])).collect();
+    geometry(name, positions, vertices, Indexed { rows, faces })
 }
 
 /// Corners in one place as one vertex: the places, and which vertex each corner is.
@@ -186,9 +186,9 @@ mod tests {
     fn textures_are_seen_as_they_are_from_the_front() {
         for shape in [sphere(300), cube(12), plane(8)] {
             let coordinates = shape.coordinates.unwrap();
-            for (face, own) in shape.faces.iter().zip(&coordinates.faces) {
+            for (face, corners) in shape.faces.iter().zip(&coordinates.faces) {
                 let [a, b, c] = face.map(|k| glam::Vec3::from(shape.positions[k as usize]));
-                let [p, q, r] = own.map(|k| glam::Vec2::from(coordinates.rows[k as usize]));
+                let [p, q, r] = corners.map(|k| glam::Vec2::from(coordinates.rows[k as usize]));
                 assert!((b - a).cross(c - a).length() > 0.0);
                 // Counter-clockwise in space, and with v down clockwise in numbers.
                 assert!((q - p).perp_dot(r - p) < 0.0);

@@ -157,7 +157,9 @@ mod tests {
         assert_eq!(rules.ended(), None);
         rules.count(4.0);
         assert!(
-            rules.ended().is_some_and(|said| said.starts_with("no smaller loss came in 2 steps"))
+            rules
+                .ended()
+                .is_some_and(|message| message.starts_with("no smaller loss came in 2 steps"))
         );
     }
 }

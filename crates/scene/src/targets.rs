@@ -100,10 +100,10 @@ impl Targets {
     /// # Errors
     /// As [`Targets::get`].
     pub(crate) fn mask(&self, view: usize) -> Result<Option<Tensor<f32>>, SceneError> {
-        let own = &self.renderer.scene().views[view];
-        match (&own.mask, &own.image) {
-            (None, Some(image)) => Ok(self.picture(image, own.camera.size)?.opacity()),
-            (Some(mask), _) => Ok(Some(self.mask_of(mask, own.camera.size)?)),
+        let view_entry = &self.renderer.scene().views[view];
+        match (&view_entry.mask, &view_entry.image) {
+            (None, Some(image)) => Ok(self.picture(image, view_entry.camera.size)?.opacity()),
+            (Some(mask), _) => Ok(Some(self.mask_of(mask, view_entry.camera.size)?)),
             (None, None) => Ok(None),
         }
     }
@@ -115,30 +115,30 @@ impl Targets {
 
     /// What the file of a mask says, `[H, W]`.
     fn mask_of(&self, file: &Path, size: Size) -> Result<Tensor<f32>, SceneError> {
-        let place = Place::of(self.renderer.scene().folder.join(file));
-        Ok(Mask::of(&self.picture(file, size)?, &place)?.share)
+        let place = Place::new(self.renderer.scene().folder.join(file));
+        Ok(Mask::from_picture(&self.picture(file, size)?, &place)?.share)
     }
 
     fn decoded(&self, view: usize, reduce: usize) -> Result<Target, SceneError> {
         let scene = self.renderer.scene();
-        let own = &scene.views[view];
-        let Some(file) = &own.image else {
+        let scene_view = &scene.views[view];
+        let Some(file) = &scene_view.image else {
             let message =
-                format!("a view that is compared has an image, and {:?} has none", own.name);
-            return Err(SceneError::content(Place::of(scene.folder.path()), message));
+                format!("a view that is compared has an image, and {:?} has none", scene_view.name);
+            return Err(SceneError::content(Place::new(scene.folder.path()), message));
         };
-        let picture = self.picture(file, own.camera.size)?;
-        let space = own.color_space.unwrap_or_else(|| ColorSpace::of(&picture));
-        let mut mask = match &own.mask {
+        let picture = self.picture(file, scene_view.camera.size)?;
+        let space = scene_view.color_space.unwrap_or_else(|| ColorSpace::for_picture(&picture));
+        let mut mask = match &scene_view.mask {
             None => picture.opacity(),
-            Some(file) => Some(self.mask_of(file, own.camera.size)?),
+            Some(file) => Some(self.mask_of(file, scene_view.camera.size)?),
         };
         let tone = scene.description.pipeline.tone;
         let with_mask = self.has_mask(view);
         if with_mask && mask.is_none() {
             let rule =
                 "masks count in the loss, and this image has no opacity and the view no mask";
-            return Err(SceneError::content(Place::of(scene.folder.join(file)), rule));
+            return Err(SceneError::content(Place::new(scene.folder.join(file)), rule));
         }
         let is_eight_bit = matches!(picture.samples, Samples::U8(_));
         let is_encoded = tone == Tone::Srgb && space == ColorSpace::Srgb;
@@ -149,7 +149,9 @@ impl Targets {
             let mut light = match &mask {
                 None => picture.color(space),
                 // OpenEXR's colours are multiplied by their own opacity already.
-                Some(mask) if own.mask.is_none() && matches!(picture.samples, Samples::F32(_)) => {
+                Some(mask)
+                    if scene_view.mask.is_none() && matches!(picture.samples, Samples::F32(_)) =>
+                {
                     self.before_background(&picture.color(space), mask, true)
                 }
                 Some(mask) => self.before_background(&picture.straight_color(space), mask, false),
@@ -185,8 +187,8 @@ impl Targets {
         let (shape, light, mask) = (light.shape(), light.data(), mask.data());
         Tensor::from_flat_fn(shape, |k| {
             let share = mask[k / 3];
-            let own = if is_multiplied { light[k] } else { share * light[k] };
-            own + (1.0 - share) * behind[k % 3]
+            let color = if is_multiplied { light[k] } else { share * light[k] };
+            color + (1.0 - share) * behind[k % 3]
         })
     }
 
@@ -236,8 +238,8 @@ fn reduced(image: &Tensor<f32>, k: usize) -> Tensor<f32> {
     let [rows, columns] = [k.min(shape[0]), k.min(shape[1])];
     let data = image.data();
     let mut small = vec![0.0_f32; height * width * channels];
-    for (at, mean) in small.iter_mut().enumerate() {
-        let (pixel, channel) = (at / channels, at % channels);
+    for (index, mean) in small.iter_mut().enumerate() {
+        let (pixel, channel) = (index / channels, index % channels);
         let (row, column) = (pixel / width * k, pixel % width * k);
         let block = (0..rows * columns).map(|n| {
             let (row, column) = (row + n / columns, column + n % columns);
@@ -247,7 +249,7 @@ fn reduced(image: &Tensor<f32>, k: usize) -> Tensor<f32> {
     }
     let mut small_shape = shape;
     (small_shape[0], small_shape[1]) = (height, width);
-    Tensor::from_flat_fn(small_shape.as_slice(), |at| small[at])
+    Tensor::from_flat_fn(small_shape.as_slice(), |index| small[index])
 }
 
 /// An error of a scene as one of a fit.
@@ -336,15 +338,15 @@ mod tests {
         // In shares of the largest.
         let sample = |k: usize| {
             let (pixel, channel) = (k / all, k % all);
-            let own = number(pixel, channel, channels) / 255.0;
+            let share = number(pixel, channel, channels) / 255.0;
             match (channel == channels, depth) {
                 (true, _) => opacity(pixel) / 255.0,
                 // Light is multiplied by opacity before it becomes a number.
                 (false, Depth::ThirtyTwo) if has_opacity => match is_linear(case) {
-                    true => own * opacity(pixel) / 255.0,
-                    false => encode(decode(own) * opacity(pixel) / 255.0),
+                    true => share * opacity(pixel) / 255.0,
+                    false => encode(decode(share) * opacity(pixel) / 255.0),
                 },
-                (false, _) => own,
+                (false, _) => share,
             }
         };
         let shares = (0..width * height * all).map(sample);
@@ -369,8 +371,8 @@ mod tests {
                 Cover::File | Cover::Both => mask(pixel) / 255.0,
             };
             for channel in 0..3 {
-                let own = number(pixel, channel, channels) / 255.0;
-                let light = if is_linear(case) { own } else { decode(own) };
+                let share = number(pixel, channel, channels) / 255.0;
+                let light = if is_linear(case) { share } else { decode(share) };
                 sums[channel] += share * light + (1.0 - share) * f64::from(BEHIND[channel]);
             }
             sums[3] += share;
@@ -384,18 +386,19 @@ mod tests {
 
     #[test]
     fn a_number_of_a_file_means_the_same_in_each_combination() {
-        let place = tempfile::tempdir().unwrap();
-        let write = |name: &str, bytes: Vec<u8>| fs::write(place.path().join(name), bytes).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, bytes: Vec<u8>| fs::write(directory.path().join(name), bytes).unwrap();
         let [width, height] = SIZE;
         let samples = Samples::U8((0..width * height).map(|pixel| mask(pixel) as u8).collect());
         let file = Picture { width, height, channels: 1, samples };
-        write("mask.png", file.encode_png(&Place::of("mask")).unwrap());
+        write("mask.png", file.encode_png(&Place::new("mask")).unwrap());
         let mut views = String::new();
         for (k, case) in cases().iter().enumerate() {
-            let (name, own) = (Place::of("image"), picture(case));
+            let (name, picture) = (Place::new("image"), picture(case));
             match case.0 {
-                Depth::ThirtyTwo => write(&format!("{k}"), own.encode_exr(&name).unwrap()),
-                _ => write(&format!("{k}"), own.encode_png(&name).unwrap()),
+                Depth::ThirtyTwo => write(&format!("{k}"), picture.encode_exr(&name).unwrap()),
+                _ => write(&format!("{k}"), picture.encode_png(&name).unwrap()),
             }
             views += &format!(
                 "[[views]]\nimage = \"{k}\"\ncamera = {{ position = [0, 0, 3], angle = 40 }}\n"
@@ -415,7 +418,7 @@ mod tests {
                     "[[meshes]]\nshape = \"cube\"\n[pipeline]\ntone = \"{name}\"\n\
                      background = {BEHIND:?}\n[loss]\nsilhouette = {silhouette}\n{views}"
                 );
-                let file = place.path().join("scene.toml");
+                let file = directory.path().join("scene.toml");
                 fs::write(&file, text).unwrap();
                 let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
                 let targets = Targets::new(Arc::new(renderer), true);
@@ -423,8 +426,8 @@ mod tests {
                     for reduce in [1, 2, 3] {
                         let target = targets.get(view, reduce);
                         if silhouette == 1 && case.2 == Cover::Nowhere {
-                            let said = target.err().map(|error| error.to_string());
-                            assert!(said.is_some_and(|said| said.contains("masks count")));
+                            let message = target.err().map(|error| error.to_string());
+                            assert!(message.is_some_and(|message| message.contains("masks count")));
                             continue;
                         }
                         let image = target.unwrap().image.clone();

@@ -19,18 +19,18 @@ const LEAST_SINE: f64 = 1e-9;
 /// # Errors
 /// The rule that it breaks.
 pub(crate) fn camera(
-    own: &CameraEntry,
+    entry: &CameraEntry,
     [width, height]: [usize; 2],
 ) -> Result<Camera, &'static str> {
     let extent = [width, height].map(|extent| extent as f64);
-    let distortion = match (own.distortion, own.fisheye) {
+    let distortion = match (entry.distortion, entry.fisheye) {
         (None, None) => Distortion::NONE,
-        (Some(Coefficients::Five(own)), None) => Distortion::Polynomial(own.map(|x| x.0)),
-        (Some(Coefficients::Eight(own)), None) => Distortion::Rational(own.map(|x| x.0)),
-        (None, Some(own)) => Distortion::Fisheye(own.map(|x| x.0)),
+        (Some(Coefficients::Five(entry)), None) => Distortion::Polynomial(entry.map(|x| x.0)),
+        (Some(Coefficients::Eight(entry)), None) => Distortion::Rational(entry.map(|x| x.0)),
+        (None, Some(entry)) => Distortion::Fisheye(entry.map(|x| x.0)),
         (Some(_), Some(_)) => return Err("a lens has either `distortion` or `fisheye`"),
     };
-    let focal = match (own.focal, own.angle) {
+    let focal = match (entry.focal, entry.angle) {
         (Some(focal), None) => focal.0,
         (None, Some(angle)) if let Distortion::Fisheye(lens) = distortion => {
             let half = 0.5 * angle.0.to_radians();
@@ -45,10 +45,10 @@ pub(crate) fn camera(
         _ => return Err("a camera has either `focal`, or an `angle` below 180 degrees"),
     };
     let middle = extent.map(|extent| 0.5 * (extent - 1.0));
-    let center = own.center.map_or(middle, |center| center.map(|x| x.0));
+    let center = entry.center.map_or(middle, |center| center.map(|x| x.0));
     let size = Size { width, height };
     let intrinsics = [focal[0], focal[1], center[0], center[1]];
-    let camera = Camera { size, intrinsics, distortion, view: view(own)? };
+    let camera = Camera { size, intrinsics, distortion, view: view(entry)? };
     match camera.is_finite() {
         true => Ok(camera),
         false => Err("a camera's angle and place give finite numbers, and these are too extreme"),
@@ -56,12 +56,12 @@ pub(crate) fn camera(
 }
 
 /// World to camera, in OpenCV's convention.
-fn view(own: &CameraEntry) -> Result<DMat4, &'static str> {
-    match (own.pose, own.position) {
-        (Some(rows), None) if own.target.is_none() && own.up.is_none() => {
+fn view(entry: &CameraEntry) -> Result<DMat4, &'static str> {
+    match (entry.pose, entry.position) {
+        (Some(rows), None) if entry.target.is_none() && entry.up.is_none() => {
             let rows = rows.map(|row| DVec4::from_array(row.map(|x| x.0)));
             let pose = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
-            let pose = match own.convention {
+            let pose = match entry.convention {
                 Convention::Opencv => pose,
                 Convention::Opengl => opengl_to_opencv_pose(pose),
             };
@@ -78,7 +78,7 @@ fn view(own: &CameraEntry) -> Result<DMat4, &'static str> {
                 given.map_or(default, |v| DVec3::from_array(v.map(|x| x.0)))
             };
             let position = DVec3::from_array(position.map(|x| x.0));
-            let (target, up) = (vector(own.target, DVec3::ZERO), vector(own.up, DVec3::Y));
+            let (target, up) = (vector(entry.target, DVec3::ZERO), vector(entry.up, DVec3::Y));
             let along = (target - position).normalize_or_zero();
             match along.cross(up.normalize_or_zero()).length() >= LEAST_SINE {
                 true => Ok(opengl_to_opencv_view(look_at(position, target, up))),
@@ -145,10 +145,10 @@ mod tests {
         ];
         for (text, expected) in cases {
             let own: CameraEntry = toml::from_str(&text).unwrap();
-            let said = camera(&own, [4, 3]).err().unwrap_or_default();
+            let message = camera(&own, [4, 3]).err().unwrap_or_default();
             assert!(
-                said.contains(expected) && said.is_empty() == expected.is_empty(),
-                "{text}: {said}"
+                message.contains(expected) && message.is_empty() == expected.is_empty(),
+                "{text}: {message}"
             );
         }
     }

@@ -11,7 +11,7 @@ use super::files::in_short;
 /// Reads the arrays of the file that `bytes` are: an npz file where they begin as an archive does, an npy file
 /// where they begin as such, and else a safetensors file. Returns the bytes of all numbers that were read.
 pub fn array_file(bytes: &[u8]) -> usize {
-    let place = Place::of("arrays");
+    let place = Place::new("arrays");
     if bytes.starts_with(b"PK") {
         return arrays(bytes, read_npz_bytes, |all| npz(all, Packing::Stored));
     }
@@ -35,7 +35,7 @@ fn arrays(
     read: fn(&[u8], &Place) -> Result<ArrayFile, SceneError>,
     write: impl Fn(&ArrayFile) -> Result<Vec<u8>, SceneError>,
 ) -> usize {
-    let place = Place::of("arrays");
+    let place = Place::new("arrays");
     let file = match read(bytes, &place) {
         Ok(file) => file,
         Err(error) => return in_short(&error),

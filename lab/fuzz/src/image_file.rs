@@ -9,8 +9,8 @@ const MOST_PIXELS: usize = 1 << 16;
 
 /// Decodes the image that `bytes` are; returns the number of its pixels.
 pub fn image_file(bytes: &[u8]) -> usize {
-    let place = Place::of("image");
-    let size = match Picture::size_of(bytes, &place) {
+    let place = Place::new("image");
+    let size = match Picture::decode_size(bytes, &place) {
         Ok([width, height]) if width * height > MOST_PIXELS => return 0,
         Ok(size) => size,
         Err(error) => {
@@ -40,10 +40,10 @@ pub fn image_file(bytes: &[u8]) -> usize {
     }
     let remarks = Picture::remarks(bytes, &place).expect("what was read is told of");
     assert!(remarks.iter().all(|remark| remark.len() < 2000), "{remarks:?}");
-    let turn = Picture::turn_of(bytes, &place).expect("what was read is told of");
+    let turn = Picture::decode_turn(bytes, &place).expect("what was read is told of");
     let upright = Picture::decode_upright(bytes, &place).expect("what was read can be turned");
     assert_eq!([upright.width, upright.height], turn.map_or(size, |turn| turn.size(size)));
-    match Mask::of(&picture, &place) {
+    match Mask::from_picture(&picture, &place) {
         Ok(mask) => assert!(mask.share.data().iter().all(|share| (0.0..=1.0).contains(share))),
         Err(error) => drop(in_short(&error)),
     }

@@ -36,7 +36,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     add_cameras(&mut findings, &cameras);
     let mut wrong = Vec::new();
     for view in &views {
-        match Picture::size_in(&folder, &view.image) {
+        match Picture::read_size(&folder, &view.image) {
             Ok([width, height]) => {
                 let size = view.camera.size;
                 if [width, height] != [size.width, size.height] {

@@ -12,7 +12,7 @@ use crate::digits::{number, percent};
 /// What is in the image `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let (folder, name) = beside(file)?;
-    let (bytes, place) = (folder.read(name)?, Place::of(file));
+    let (bytes, place) = (folder.read(name)?, Place::new(file));
     let picture = Picture::decode(&bytes, &place)?;
     let mut findings = Findings::new("an image");
     let mut section = Section::default();
@@ -52,7 +52,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             }
         }
     }
-    match Mask::of(&picture, &place) {
+    match Mask::from_picture(&picture, &place) {
         Ok(mask) if mask.kind != MaskKind::Even => {
             let text =
                 format!("{} of the pixels are the object, by {}", percent(mask.mean()), mask.kind);

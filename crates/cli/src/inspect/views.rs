@@ -173,11 +173,14 @@ fn look(scene: &Scene, view: &SceneView) -> Found {
     }
     let mask = match (&image, &picture, &view.mask) {
         (_, Some(picture), Some(file)) => {
-            let place = Place::of(scene.folder.join(file));
-            Some((Mask::of(picture, &place), place))
+            let place = Place::new(scene.folder.join(file));
+            Some((Mask::from_picture(picture, &place), place))
         }
-        (Some(image), None, None) => Mask::of_opacity(image).map(|mask| {
-            (Ok(mask), Place::of(scene.folder.join(view.image.as_deref().unwrap_or(Path::new("")))))
+        (Some(image), None, None) => Mask::from_opacity(image).map(|mask| {
+            (
+                Ok(mask),
+                Place::new(scene.folder.join(view.image.as_deref().unwrap_or(Path::new("")))),
+            )
         }),
         _ => None,
     };

@@ -38,7 +38,7 @@ impl Origin {
         match self {
             Self::Copy(_) => Ok(bytes),
             Self::Upright(_) => {
-                let place = Place::of(from);
+                let place = Place::new(from);
                 let picture = Picture::decode_upright(&bytes, &place);
                 let png = picture.and_then(|picture| picture.encode_png(&place));
                 png.map_err(|error| Failure::Work(error.to_string()))
@@ -87,7 +87,7 @@ impl<'d> Copies<'d> {
         let to = plain(&home.join(path));
         if to.to_str().is_none() {
             let message = "names in a scene are UTF-8, and this is not".to_owned();
-            return Err(SceneError::Content { place: Place::of(from), message });
+            return Err(SceneError::Content { place: Place::new(from), message });
         }
         self.all.insert(to.clone(), Origin::Copy(from));
         Ok(to)

@@ -102,7 +102,7 @@ impl Photographs {
             let rule =
                 "a folder of images has some of .png .jpg .jpeg .exr .hdr, and this has none";
             let message = [&[rule.to_owned()][..], &notes].concat().join("; ");
-            return Err(SceneError::Content { place: Place::of(images), message });
+            return Err(SceneError::Content { place: Place::new(images), message });
         }
         if has_cameras {
             let known: BTreeSet<_> = files.iter().map(|file| folder.find(file).ok()).collect();
@@ -175,7 +175,9 @@ impl Photographs {
     fn find_opacity(&mut self, folder: &Folder, files: &[PathBuf]) -> Result<(), SceneError> {
         let mut shows = false;
         for file in files {
-            let Some(mask) = Mask::of_opacity(&Picture::read(folder, file)?) else { return Ok(()) };
+            let Some(mask) = Mask::from_opacity(&Picture::read(folder, file)?) else {
+                return Ok(());
+            };
             shows |= mask.fault().is_none();
         }
         self.has_opacity = shows;
@@ -322,8 +324,8 @@ fn named(files: &[&PathBuf]) -> Option<String> {
 
 /// Whether viewers turn an image before they show it.
 fn is_turned(folder: &Folder, file: &Path) -> Result<bool, SceneError> {
-    let place = Place::of(folder.join(file));
-    Ok(Picture::turn_of(&folder.read(file)?, &place)?.is_some())
+    let place = Place::new(folder.join(file));
+    Ok(Picture::decode_turn(&folder.read(file)?, &place)?.is_some())
 }
 
 /// Columns and rows of each image: those of its camera, or of its file, turned or not.
@@ -338,10 +340,10 @@ fn sizes(
         return Ok(sizes.map(|size| [size.width, size.height]).collect());
     }
     let size = |(file, turned): (&PathBuf, &bool)| {
-        let size = Picture::size_in(folder, file)?;
-        let place = Place::of(folder.join(file));
+        let size = Picture::read_size(folder, file)?;
+        let place = Place::new(folder.join(file));
         let turn = match turned {
-            true => Picture::turn_of(&folder.read(file)?, &place)?,
+            true => Picture::decode_turn(&folder.read(file)?, &place)?,
             false => None,
         };
         Ok(turn.map_or(size, |turn| turn.size(size)))

@@ -47,8 +47,8 @@ impl Pictures {
             // Grey where they agree.
             let off = |k: usize| 0.5 + 0.5 * GAIN * (own[k] - other[k]);
             let image = Tensor::from_flat_fn(seen.image.shape(), off);
-            let picture = Picture::of_color(&image, ColorSpace::Linear)?;
-            Ok::<_, SceneError>(Arc::from(picture.encode_png(&Place::of("a difference"))?))
+            let picture = Picture::from_color(&image, ColorSpace::Linear)?;
+            Ok::<_, SceneError>(Arc::from(picture.encode_png(&Place::new("a difference"))?))
         });
         Ok(Self {
             picture: png(&seen.image)?,
@@ -110,7 +110,7 @@ impl Shown {
                 let named = named.into_iter().map(|row| rows.rows[row as usize]);
                 Indexed { rows: named.collect(), faces }
             }),
-            png: image.and_then(|image| image.encode_png(&Place::of("a texture")).ok()),
+            png: image.and_then(|image| image.encode_png(&Place::new("a texture")).ok()),
             place: place.to_cols_array().map(|x| x as f32),
         }
     }

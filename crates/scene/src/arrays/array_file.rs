@@ -32,7 +32,7 @@ pub(super) enum Entry {
 
 impl Default for ArrayFile {
     fn default() -> Self {
-        Self::of_file(Place::of("arrays in memory"))
+        Self::from_file(Place::new("arrays in memory"))
     }
 }
 
@@ -43,7 +43,7 @@ impl ArrayFile {
     }
 
     /// No arrays so far of the file at `place`.
-    pub(super) fn of_file(place: Place) -> Self {
+    pub(super) fn from_file(place: Place) -> Self {
         Self { metadata: BTreeMap::new(), place, entries: Vec::new(), by_name: HashMap::new() }
     }
 
@@ -127,5 +127,5 @@ impl ArrayFile {
 
 /// What errors call the array `name` of a file.
 pub(super) fn place_of(file: &Place, name: &str) -> Place {
-    Place::of(format!("{}:{name}", file.path.display()))
+    Place::new(format!("{}:{name}", file.path.display()))
 }

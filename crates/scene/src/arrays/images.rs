@@ -17,7 +17,7 @@ pub fn tensor_of_image(
     image: impl Into<DynamicImage>,
     space: ColorSpace,
 ) -> Result<Tensor<f32>, SceneError> {
-    Ok(Picture::of_image(image.into())?.light(space))
+    Ok(Picture::from_image(image.into())?.light(space))
 }
 
 /// The image of linear light `[H, W, C]` with one to four channels, or `[H, W]`: [`tensor_of_image`] the other
@@ -34,5 +34,5 @@ pub fn image_of(
     space: ColorSpace,
     depth: Depth,
 ) -> Result<DynamicImage, SceneError> {
-    Picture::of_light(light, space, depth)?.into_image()
+    Picture::from_light(light, space, depth)?.into_image()
 }

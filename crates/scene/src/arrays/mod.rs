@@ -19,7 +19,7 @@
 //!
 //! let tensor = Tensor::from([[1.0, 2.0], [3.0, 4.0]]);
 //! let bytes = npy(&(&tensor).into())?;
-//! assert_eq!(read_npy_bytes(&bytes, &Place::of("a.npy"))?.tensor::<f64>()?, tensor);
+//! assert_eq!(read_npy_bytes(&bytes, &Place::new("a.npy"))?.tensor::<f64>()?, tensor);
 //! # Ok::<(), bokashi_scene::SceneError>(())
 //! ```
 

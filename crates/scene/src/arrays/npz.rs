@@ -38,7 +38,7 @@ const ENDING: &str = ".npy";
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_npz_bytes`].
 pub fn read_npz(path: impl AsRef<Path>) -> Result<ArrayFile, SceneError> {
-    read_npz_bytes(&read_file(path.as_ref())?, &Place::of(path))
+    read_npz_bytes(&read_file(path.as_ref())?, &Place::new(path))
 }
 
 /// The arrays in an npz file of these `bytes`. `place` names the file in errors.
@@ -69,10 +69,10 @@ pub(super) fn unpacked(bytes: &[u8], place: &Place, most: u64) -> Result<ArrayFi
         let rule = "each file of an archive has bytes of its own";
         return Err(wrong(format!("{rule}, and some of these share theirs")));
     }
-    let mut file = ArrayFile::of_file(place.clone());
+    let mut file = ArrayFile::from_file(place.clone());
     let mut left = most;
-    for at in 0..archive.len() {
-        let mut packed = archive.by_index(at).map_err(|error| broken(&error))?;
+    for index in 0..archive.len() {
+        let mut packed = archive.by_index(index).map_err(|error| broken(&error))?;
         let name = packed.name().map_err(|error| broken(&error))?.into_owned();
         if packed.is_dir() {
             continue;
@@ -90,17 +90,17 @@ pub(super) fn unpacked(bytes: &[u8], place: &Place, most: u64) -> Result<ArrayFi
         check_name(&name).map_err(&wrong)?;
         let mut unpacked = Vec::new();
         let read = packed.by_ref().take(left + 1).read_to_end(&mut unpacked);
-        let own = place_of(place, &name);
+        let array_place = place_of(place, &name);
         if let Err(error) = read {
             let message = format!("the file can't be unpacked: {error}");
-            return Err(SceneError::content(own, message));
+            return Err(SceneError::content(array_place, message));
         }
         let Some(rest) = left.checked_sub(unpacked.len() as u64) else {
             let (place, what) = (place.clone(), "bytes of unpacked arrays");
             return Err(SceneError::TooLarge { place, what, most, found: most + 1 });
         };
         left = rest;
-        let entry = match npy::decode(&unpacked, &own)? {
+        let entry = match npy::decode(&unpacked, &array_place)? {
             Ok(array) => Entry::Array(array),
             Err(foreign) => Entry::Foreign(foreign),
         };

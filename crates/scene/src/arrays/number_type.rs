@@ -73,7 +73,7 @@ impl NumberType {
     }
 
     /// The type of the numbers `T`.
-    pub(super) fn of<T: Stored>() -> Self {
+    pub(super) fn for_stored<T: Stored>() -> Self {
         if T::NAME == "f32" { Self::F32 } else { Self::F64 }
     }
 
@@ -101,12 +101,12 @@ impl NumberType {
     pub(super) fn numbers<T: Stored>(self, bytes: &[u8]) -> Result<Vec<T>, Refused> {
         Ok(match self {
             // The same bits, of a NaN too.
-            own if own == Self::of::<T>() => T::numbers(bytes),
+            same if same == Self::for_stored::<T>() => T::numbers(bytes),
             // As f32 nearly all of them would be rounded.
             Self::F64 => return Err(Refused::All),
-            Self::F32 => each(bytes, |own| T::from_f64(f32::from_le_bytes(own).into())),
-            Self::F16 => each(bytes, |own| T::from_f64(f16::from_le_bytes(own).to_f64())),
-            Self::Bf16 => each(bytes, |own| T::from_f64(bf16::from_le_bytes(own).to_f64())),
+            Self::F32 => each(bytes, |b| T::from_f64(f32::from_le_bytes(b).into())),
+            Self::F16 => each(bytes, |b| T::from_f64(f16::from_le_bytes(b).to_f64())),
+            Self::Bf16 => each(bytes, |b| T::from_f64(bf16::from_le_bytes(b).to_f64())),
             whole => {
                 return whole.whole_numbers(bytes, |number| {
                     let nearest = T::from_f64(number as f64);
@@ -125,16 +125,16 @@ impl NumberType {
         match self {
             Self::Bool => {
                 let truth = |number| if number > 1 { None } else { read(number) };
-                each_whole(bytes, |own| u8::from_le_bytes(own).into(), truth)
+                each_whole(bytes, |b| u8::from_le_bytes(b).into(), truth)
             }
-            Self::U8 => each_whole(bytes, |own| u8::from_le_bytes(own).into(), read),
-            Self::U16 => each_whole(bytes, |own| u16::from_le_bytes(own).into(), read),
-            Self::U32 => each_whole(bytes, |own| u32::from_le_bytes(own).into(), read),
-            Self::U64 => each_whole(bytes, |own| u64::from_le_bytes(own).into(), read),
-            Self::I8 => each_whole(bytes, |own| i8::from_le_bytes(own).into(), read),
-            Self::I16 => each_whole(bytes, |own| i16::from_le_bytes(own).into(), read),
-            Self::I32 => each_whole(bytes, |own| i32::from_le_bytes(own).into(), read),
-            Self::I64 => each_whole(bytes, |own| i64::from_le_bytes(own).into(), read),
+            Self::U8 => each_whole(bytes, |b| u8::from_le_bytes(b).into(), read),
+            Self::U16 => each_whole(bytes, |b| u16::from_le_bytes(b).into(), read),
+            Self::U32 => each_whole(bytes, |b| u32::from_le_bytes(b).into(), read),
+            Self::U64 => each_whole(bytes, |b| u64::from_le_bytes(b).into(), read),
+            Self::I8 => each_whole(bytes, |b| i8::from_le_bytes(b).into(), read),
+            Self::I16 => each_whole(bytes, |b| i16::from_le_bytes(b).into(), read),
+            Self::I32 => each_whole(bytes, |b| i32::from_le_bytes(b).into(), read),
+            Self::I64 => each_whole(bytes, |b| i64::from_le_bytes(b).into(), read),
             Self::F16 | Self::Bf16 | Self::F32 | Self::F64 => Err(Refused::All),
         }
     }
@@ -149,7 +149,7 @@ pub(super) fn foreign(found: impl fmt::Display) -> String {
 
 /// What `number` makes of each `N` bytes.
 fn each<const N: usize, R>(bytes: &[u8], number: impl Fn([u8; N]) -> R) -> Vec<R> {
-    bytes.as_chunks().0.iter().map(|&own| number(own)).collect()
+    bytes.as_chunks().0.iter().map(|&chunk| number(chunk)).collect()
 }
 
 /// What `read` makes of the whole number in each `N` bytes.
@@ -158,8 +158,8 @@ fn each_whole<const N: usize, R>(
     whole: impl Fn([u8; N]) -> i128,
     read: impl Fn(i128) -> Option<R>,
 ) -> Result<Vec<R>, Refused> {
-    let numbers = bytes.as_chunks().0.iter().map(|&own| whole(own)).enumerate();
-    numbers.map(|(at, number)| read(number).ok_or(Refused::One(at, number))).collect()
+    let numbers = bytes.as_chunks().0.iter().map(|&chunk| whole(chunk)).enumerate();
+    numbers.map(|(index, number)| read(number).ok_or(Refused::One(index, number))).collect()
 }
 
 impl fmt::Display for NumberType {

@@ -43,11 +43,11 @@ impl RawArray {
         shape: impl Into<Shape>,
         bytes: Vec<u8>,
     ) -> Result<Self, SceneError> {
-        Self::of_file(Place::of(NOWHERE), kind, shape.into(), bytes)
+        Self::from_file(Place::new(NOWHERE), kind, shape.into(), bytes)
     }
 
     /// [`RawArray::new`] of an array in the file at `place`.
-    pub(super) fn of_file(
+    pub(super) fn from_file(
         place: Place,
         kind: NumberType,
         shape: Shape,
@@ -107,9 +107,9 @@ impl RawArray {
                 let rule = format!("numbers are read as {} without rounding", T::NAME);
                 self.wrong(format!("{rule}, and these are {kind}: read {kind}, and `cast` rounds"))
             }
-            Refused::One(at, number) => {
+            Refused::One(index, number) => {
                 let rule = format!("{kind} are read as {} without rounding", T::NAME);
-                self.refused(&rule, at, number)
+                self.refused(&rule, index, number)
             }
         })?;
         Ok(Tensor::new(&self.shape, numbers).map_err(bokashi_fit::FitError::from)?)
@@ -124,30 +124,30 @@ impl RawArray {
         let wrong =
             |rule: String, found: String| self.wrong(format!("{rule}, and this has {found}"));
         if !matches!(*self.shape, [_, columns] if columns == N) {
-            let found = format!("shape {}", self.shape);
-            return Err(wrong(format!("rows of indices have shape [n, {N}]"), found));
+            let message = format!("shape {}", self.shape);
+            return Err(wrong(format!("rows of indices have shape [n, {N}]"), message));
         }
         let read = |number: i128| u32::try_from(number).ok();
         let flat = self.kind.whole_numbers(&self.bytes, read).map_err(|refused| match refused {
             Refused::All => wrong("indices are whole numbers".to_owned(), self.kind.to_string()),
-            Refused::One(at, number) => {
-                self.refused(&format!("indices are from 0 to {}", u32::MAX), at, number)
+            Refused::One(index, number) => {
+                self.refused(&format!("indices are from 0 to {}", u32::MAX), index, number)
             }
         })?;
         Ok(flat.as_chunks().0.to_vec())
     }
 
     /// An entry that breaks a rule.
-    fn refused(&self, rule: &str, at: usize, number: i128) -> SceneError {
-        let mut rest = at;
+    fn refused(&self, rule: &str, index: usize, number: i128) -> SceneError {
+        let mut rest = index;
         let mut index: Vec<_> = self
             .shape
             .iter()
             .rev()
             .map(|&extent| {
-                let own = rest % extent;
+                let coordinate = rest % extent;
                 rest /= extent;
-                own
+                coordinate
             })
             .collect();
         index.reverse();
@@ -174,8 +174,8 @@ pub(super) fn needed(kind: NumberType, shape: &[usize]) -> String {
 impl<T: Stored> From<&Tensor<T>> for RawArray {
     fn from(tensor: &Tensor<T>) -> Self {
         Self {
-            place: Place::of(NOWHERE),
-            kind: NumberType::of::<T>(),
+            place: Place::new(NOWHERE),
+            kind: NumberType::for_stored::<T>(),
             shape: tensor.shape().clone(),
             bytes: T::bytes(tensor.data()),
         }
@@ -192,7 +192,7 @@ impl<T: Stored> From<Tensor<T>> for RawArray {
 impl<const N: usize> From<&[[u32; N]]> for RawArray {
     fn from(rows: &[[u32; N]]) -> Self {
         Self {
-            place: Place::of(NOWHERE),
+            place: Place::new(NOWHERE),
             kind: NumberType::U32,
             shape: [rows.len(), N].into(),
             bytes: rows.as_flattened().iter().flat_map(|index| index.to_le_bytes()).collect(),

@@ -40,7 +40,7 @@ const LENGTH: usize = 8;
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_safetensors_bytes`].
 pub fn read_safetensors(path: impl AsRef<Path>) -> Result<ArrayFile, SceneError> {
-    read_safetensors_bytes(&read_file(path.as_ref())?, &Place::of(path))
+    read_safetensors_bytes(&read_file(path.as_ref())?, &Place::new(path))
 }
 
 /// The arrays and the metadata in a safetensors file of these `bytes`, in the order of their numbers there;
@@ -55,15 +55,20 @@ pub fn read_safetensors_bytes(bytes: &[u8], place: &Place) -> Result<ArrayFile, 
     let (length, header) = SafeTensors::read_metadata(bytes).map_err(|error| wrong(&error))?;
     let numbers = &bytes[LENGTH + length..];
     let mut all: Vec<_> = header.tensors().into_iter().collect();
-    all.sort_by(|(a, own), (b, other)| (own.data_offsets, a).cmp(&(other.data_offsets, b)));
-    let mut file = ArrayFile::of_file(place.clone());
+    all.sort_by(|(a, info), (b, other)| (info.data_offsets, a).cmp(&(other.data_offsets, b)));
+    let mut file = ArrayFile::from_file(place.clone());
     for (name, info) in all {
         let entry = match NumberType::ALL.into_iter().find(|kind| kind.dtype() == info.dtype) {
             Some(kind) => {
-                let own = place_of(place, &name);
+                let array_place = place_of(place, &name);
                 let (from, to) = info.data_offsets;
                 let shape = Shape::from(info.shape.as_slice());
-                Entry::Array(RawArray::of_file(own, kind, shape, numbers[from..to].to_vec())?)
+                Entry::Array(RawArray::from_file(
+                    array_place,
+                    kind,
+                    shape,
+                    numbers[from..to].to_vec(),
+                )?)
             }
             None => Entry::Foreign(foreign(info.dtype)),
         };

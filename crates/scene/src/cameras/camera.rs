@@ -105,8 +105,8 @@ impl Camera {
     pub fn angle_at(&self, k: usize, pixels: f64) -> Option<f64> {
         let radius = pixels / self.intrinsics[k];
         match self.distortion {
-            Distortion::Fisheye(own) => {
-                fisheye_angle(radius.abs(), own).map(|angle| angle.copysign(radius))
+            Distortion::Fisheye(coefficients) => {
+                fisheye_angle(radius.abs(), coefficients).map(|angle| angle.copysign(radius))
             }
             _ => Some(radius.atan()),
         }

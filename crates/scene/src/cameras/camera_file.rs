@@ -27,7 +27,7 @@ impl CameraFile {
         let mut counts = BTreeMap::new();
         let mut first = None;
         for view in &mut self.views {
-            let Ok([width, height]) = Picture::size_in(folder, &view.image) else { continue };
+            let Ok([width, height]) = Picture::read_size(folder, &view.image) else { continue };
             let (size, old) = (Size { width, height }, view.camera.size);
             let Some(times) = times_smaller(old, size) else { continue };
             view.camera = view.camera.resized(size);

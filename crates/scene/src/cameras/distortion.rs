@@ -23,16 +23,16 @@ impl Distortion {
     /// The coefficients, in OpenCV's order.
     pub fn coefficients(&self) -> &[f64] {
         match self {
-            Self::Polynomial(own) => own,
-            Self::Rational(own) => own,
-            Self::Fisheye(own) => own,
+            Self::Polynomial(numbers) => numbers,
+            Self::Rational(numbers) => numbers,
+            Self::Fisheye(numbers) => numbers,
         }
     }
 
     /// A lens of the same kind; coefficients that are missing are 0.
     pub fn with_coefficients(&self, coefficients: &[f64]) -> Self {
-        fn all<const N: usize>(own: &[f64]) -> [f64; N] {
-            std::array::from_fn(|k| own.get(k).copied().unwrap_or_default())
+        fn all<const N: usize>(numbers: &[f64]) -> [f64; N] {
+            std::array::from_fn(|k| numbers.get(k).copied().unwrap_or_default())
         }
         match self {
             Self::Polynomial(_) => Self::Polynomial(all(coefficients)),
@@ -43,7 +43,8 @@ impl Distortion {
 
     /// Whether a pinhole shows the same.
     pub fn is_none(&self) -> bool {
-        !matches!(self, Self::Fisheye(_)) && self.coefficients().iter().all(|&own| own == 0.0)
+        !matches!(self, Self::Fisheye(_))
+            && self.coefficients().iter().all(|&coefficient| coefficient == 0.0)
     }
 
     /// How `scene.toml` says lenses of this formula.
@@ -90,9 +91,9 @@ impl Distortion {
     /// nothing: in the plane of a pinhole and behind it, and beyond where the lens's formula holds.
     pub(super) fn shows(self) -> impl Fn(DVec3) -> Option<DVec2> {
         let limit = match self {
-            Self::Polynomial(own) => distortion_radius(own),
-            Self::Rational(own) => distortion_radius(own),
-            Self::Fisheye(own) => fisheye_limit(own),
+            Self::Polynomial(coefficients) => distortion_radius(coefficients),
+            Self::Rational(coefficients) => distortion_radius(coefficients),
+            Self::Fisheye(coefficients) => fisheye_limit(coefficients),
         };
         let is_none = self.is_none();
         move |point| {
@@ -117,7 +118,7 @@ impl Distortion {
             let s = x * x + y * y;
             let (five, [k4, k5, k6]) = match self {
                 Self::Rational([k1, k2, p1, p2, k3, rest @ ..]) => ([k1, k2, p1, p2, k3], rest),
-                Self::Polynomial(own) => (own, [0.0; 3]),
+                Self::Polynomial(coefficients) => (coefficients, [0.0; 3]),
                 Self::Fisheye(_) => return None,
             };
             let [k1, k2, p1, p2, k3] = five;

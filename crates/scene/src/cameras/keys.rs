@@ -31,13 +31,14 @@ pub(super) type Keys = BTreeMap<String, IgnoredAny>;
 /// # Errors
 /// The rule, where there are keys of another lens.
 pub(super) fn notes(file: &Keys, frames: &[Keys]) -> Result<Vec<String>, String> {
-    let own: BTreeSet<&str> = frames.iter().flat_map(BTreeMap::keys).map(String::as_str).collect();
+    let of_frames: BTreeSet<&str> =
+        frames.iter().flat_map(BTreeMap::keys).map(String::as_str).collect();
     let all: BTreeSet<&str> = file.keys().map(String::as_str).collect();
     // instant-ngp's lens of five coefficients.
-    if let Some(key) = all.union(&own).find(|key| key.starts_with("ftheta_p")) {
+    if let Some(key) = all.union(&of_frames).find(|key| key.starts_with("ftheta_p")) {
         return Err(format!("a camera has a lens of OpenCV's, and {key} is of another"));
     }
-    let unknown = |keys: &BTreeSet<&str>, of: &str| {
+    let unknown = |keys: &BTreeSet<&str>, whose: &str| {
         let is_known = |key: &str| {
             let known = SILENT.into_iter().chain([READ]).flat_map(str::split_whitespace);
             known.into_iter().any(|word| word == key)
@@ -47,9 +48,9 @@ pub(super) fn notes(file: &Keys, frames: &[Keys]) -> Result<Vec<String>, String>
         if let more @ 1.. = keys.len().saturating_sub(MOST_KEYS) {
             names.push(format!("{more} more"));
         }
-        let said = format!("keys {of} that are not known are left out: {}", names.join(", "));
-        (!names.is_empty()).then_some(said)
+        let note = format!("keys {whose} that are not known are left out: {}", names.join(", "));
+        (!names.is_empty()).then_some(note)
     };
-    let notes = [unknown(&all, "of the file"), unknown(&own, "of frames")];
+    let notes = [unknown(&all, "of the file"), unknown(&of_frames, "of frames")];
     Ok(notes.into_iter().flatten().collect())
 }

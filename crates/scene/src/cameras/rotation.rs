@@ -14,8 +14,8 @@ const MOST: f64 = 1e-3;
 pub(super) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
     if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
         let lengths: Vec<usize> = rows.iter().take(5).map(Vec::len).collect();
-        let found = format!("{} rows of lengths {lengths:?}", rows.len());
-        return Err(format!("a pose has 3 or 4 rows of 4 numbers, and this has {found}"));
+        let message = format!("{} rows of lengths {lengths:?}", rows.len());
+        return Err(format!("a pose has 3 or 4 rows of 4 numbers, and this has {message}"));
     }
     if let Some(number) = rows.iter().flatten().find(|number| !number.is_finite()) {
         return Err(format!("a pose has finite numbers, and this has {number}"));
@@ -106,8 +106,8 @@ mod tests {
             ),
             (Vec::new(), "3 or 4 rows"),
         ] {
-            let said = pose(&rows).unwrap_err();
-            assert!(said.contains(rule), "{said}");
+            let message = pose(&rows).unwrap_err();
+            assert!(message.contains(rule), "{message}");
         }
     }
 }

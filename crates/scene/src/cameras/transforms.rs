@@ -139,15 +139,16 @@ struct Written {
 pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<CameraFile, SceneError> {
     let path = path.as_ref();
     let text = folder.read_text(path)?;
-    let place = Place::of(folder.join(path));
+    let place = Place::new(folder.join(path));
     // Piece by piece, since what serde flattens has no line. A frame has a path and a matrix, so that there are
     // not many more than the text has lines.
     let frames: Frames<Frame> = parsed(&text, &place)?;
     let common: Lens = parsed(&text, &place)?;
     let lenses: Frames<Lens> = parsed(&text, &place)?;
-    let (all, own): (Keys, Frames<Keys>) = (parsed(&text, &place)?, parsed(&text, &place)?);
-    let mut notes =
-        keys::notes(&all, &own.frames).map_err(|rule| SceneError::content(place.clone(), rule))?;
+    let (all, keys_of_frames): (Keys, Frames<Keys>) =
+        (parsed(&text, &place)?, parsed(&text, &place)?);
+    let mut notes = keys::notes(&all, &keys_of_frames.frames)
+        .map_err(|rule| SceneError::content(place.clone(), rule))?;
     let mut names = BTreeSet::new();
     let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
         let file_path = frame.file_path.replace('\\', "/");
@@ -165,9 +166,9 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
         let mask = mask.map(|mask| mask_of(folder, path, &mask));
         let lens = lens.or(&common);
         let size = match (lens.w, lens.h) {
-            (Some(width), Some(height)) => size_of([width, height]).map_err(content)?,
+            (Some(width), Some(height)) => whole_size([width, height]).map_err(content)?,
             _ => {
-                let [width, height] = Picture::size_in(folder, &image)?;
+                let [width, height] = Picture::read_size(folder, &image)?;
                 Size { width, height }
             }
         };
@@ -182,9 +183,9 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
     let views = views.collect::<Result<Vec<NamedView>, _>>()?;
     let masked = views.iter().filter(|view| view.mask.is_some()).count();
     if masked > 0 {
-        let said = format!("the masks that `mask_path` names, {masked}, show where objects are");
+        let note = format!("the masks that `mask_path` names, {masked}, show where objects are");
         notes
-            .push(format!("{said}: black is background here, and in nerfstudio it does not count"));
+            .push(format!("{note}: black is background here, and in nerfstudio it does not count"));
     }
     Ok(CameraFile { views, notes }.sized(folder))
 }
@@ -194,13 +195,13 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
 ///
 /// What all cameras share is said once. Numbers that are not finite are written as `null`.
 pub fn transforms_json(views: &[NamedView]) -> String {
-    let mut lenses = views.iter().map(|view| Lens::of(&view.camera));
+    let mut lenses = views.iter().map(|view| Lens::from_camera(&view.camera));
     let first = lenses.next();
     let is_shared = lenses.all(|lens| Some(&lens) == first.as_ref());
     let frames = views.iter().map(|view| WrittenFrame {
         file_path: slashes(&view.image),
         mask_path: view.mask.as_deref().map(slashes),
-        lens: (!is_shared).then(|| Lens::of(&view.camera)),
+        lens: (!is_shared).then(|| Lens::from_camera(&view.camera)),
         transform_matrix: view.camera.opengl_pose().transpose().to_cols_array_2d(),
     });
     let written = Written { frames: frames.collect(), lens: first.filter(|_| is_shared) };
@@ -217,8 +218,8 @@ fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, Sce
     serde_json::from_str(text).map_err(|error| {
         let [line, column] = [error.line(), error.column()].map(|at| Some(at).filter(|at| *at > 0));
         let place = Place { line, column, ..place.clone() };
-        let said = json_message(&error);
-        SceneError::content(place, format!("a file of cameras is JSON with frames: {said}"))
+        let rule = json_message(&error);
+        SceneError::content(place, format!("a file of cameras is JSON with frames: {rule}"))
     })
 }
 
@@ -252,13 +253,13 @@ fn image_of(
         }
     }
     let rule = "a frame has an image, with or without the ending .png, .jpg, .jpeg or .exr";
-    let found =
+    let message =
         format!("{rule}, and there is none at {}", folder.join(beside).join(name).display());
-    Err(SceneError::content(place.clone(), found))
+    Err(SceneError::content(place.clone(), message))
 }
 
 /// A size of whole pixels.
-fn size_of(size: [f64; 2]) -> Result<Size, String> {
+fn whole_size(size: [f64; 2]) -> Result<Size, String> {
     let is_whole = |extent: f64| extent.fract() == 0.0 && (1.0..=LONGEST).contains(&extent);
     match size {
         [width, height] if is_whole(width) && is_whole(height) => {
@@ -272,23 +273,23 @@ fn size_of(size: [f64; 2]) -> Result<Size, String> {
 }
 
 impl Lens {
-    fn of(camera: &Camera) -> Self {
+    fn from_camera(camera: &Camera) -> Self {
         let [fx, fy, cx, cy] = to_corner(camera.intrinsics).map(Some);
         let [w, h] = [camera.size.width, camera.size.height].map(|extent| Some(extent as f64));
         let lens = Self { w, h, fl_x: fx, fl_y: fy, cx, cy, ..Self::default() };
         match camera.distortion {
-            Distortion::Polynomial(own) => {
-                let [k1, k2, p1, p2, k3] = own.map(Some);
+            Distortion::Polynomial(coefficients) => {
+                let [k1, k2, p1, p2, k3] = coefficients.map(Some);
                 let camera_model = Some("OPENCV".to_owned());
                 Self { camera_model, k1, k2, p1, p2, k3, ..lens }
             }
-            Distortion::Rational(own) => {
-                let [k1, k2, p1, p2, k3, k4, k5, k6] = own.map(Some);
+            Distortion::Rational(coefficients) => {
+                let [k1, k2, p1, p2, k3, k4, k5, k6] = coefficients.map(Some);
                 let camera_model = Some(RATIONAL.to_owned());
                 Self { camera_model, k1, k2, p1, p2, k3, k4, k5, k6, ..lens }
             }
-            Distortion::Fisheye(own) => {
-                let [k1, k2, k3, k4] = own.map(Some);
+            Distortion::Fisheye(coefficients) => {
+                let [k1, k2, k3, k4] = coefficients.map(Some);
                 Self { camera_model: Some(FISHEYE.to_owned()), k1, k2, k3, k4, ..lens }
             }
         }
@@ -313,10 +314,11 @@ impl Lens {
 
     /// The lens by its model and coefficients.
     fn distortion(&self) -> Result<Distortion, String> {
-        let numbers = |own: &[Option<f64>]| -> Vec<f64> {
-            own.iter().copied().map(Option::unwrap_or_default).collect()
+        let numbers = |number: &[Option<f64>]| -> Vec<f64> {
+            number.iter().copied().map(Option::unwrap_or_default).collect()
         };
-        let of = |kind: Distortion, own: &[Option<f64>]| kind.with_coefficients(&numbers(own));
+        let filled =
+            |kind: Distortion, number: &[Option<f64>]| kind.with_coefficients(&numbers(number));
         let &Self { k1, k2, k3, k4, k5, k6, p1, p2, .. } = self;
         let named = self.camera_model.as_deref();
         let is_fisheye = named == Some(FISHEYE);
@@ -326,36 +328,39 @@ impl Lens {
             return Err(format!("camera_model is {model}, and is_fisheye is {flag}"));
         }
         let (lens, more) = if is_fisheye || self.is_fisheye == Some(true) {
-            let lens = of(Distortion::Fisheye([0.0; 4]), &[k1, k2, k3, k4]);
+            let lens = filled(Distortion::Fisheye([0.0; 4]), &[k1, k2, k3, k4]);
             (lens, [("p1", p1), ("p2", p2), ("k5", k5), ("k6", k6)])
         } else if named == Some(RATIONAL) {
             let all = [k1, k2, p1, p2, k3, k4, k5, k6];
-            (of(Distortion::Rational([0.0; 8]), &all), [("", None); 4])
+            (filled(Distortion::Rational([0.0; 8]), &all), [("", None); 4])
         } else if named.is_none_or(|model| MODELS.contains(&model)) {
-            let lens = of(Distortion::NONE, &[k1, k2, p1, p2, k3]);
+            let lens = filled(Distortion::NONE, &[k1, k2, p1, p2, k3]);
             (lens, [("k4", k4), ("k5", k5), ("k6", k6), ("", None)])
         } else {
             let all = MODELS.into_iter().chain([RATIONAL, FISHEYE]).collect::<Vec<_>>().join(", ");
             let model = named.unwrap_or_default();
             return Err(format!("a camera_model is {all}, and this is {model}"));
         };
-        match more.into_iter().find_map(|(key, own)| Some((key, own.filter(|own| *own != 0.0)?))) {
+        match more
+            .into_iter()
+            .find_map(|(key, number)| Some((key, number.filter(|number| *number != 0.0)?)))
+        {
             None => Ok(lens),
-            Some((key, own)) => {
+            Some((key, number)) => {
                 let rule = match lens {
                     Distortion::Fisheye(_) => "a fisheye has k1, k2, k3 and k4",
                     _ => "a lens has k1, k2, k3, p1 and p2, and more only as FULL_OPENCV",
                 };
-                Err(format!("{rule}, and {key} is {own}"))
+                Err(format!("{rule}, and {key} is {number}"))
             }
         }
     }
 
     /// Refuses what makes another camera.
     fn check(&self) -> Result<(), String> {
-        let says_something = |own: &&Value| match own {
+        let says_something = |value: &&Value| match value {
             Value::Null | Value::Bool(false) => false,
-            Value::Array(all) => all.iter().any(|own| own.as_f64() != Some(0.0)),
+            Value::Array(all) => all.iter().any(|value| value.as_f64() != Some(0.0)),
             _ => true,
         };
         let rule = "a camera is one of OpenCV's, and all of its image is taken at once";
@@ -365,8 +370,9 @@ impl Lens {
             ("from_mitsuba", &self.from_mitsuba, "poses are those of NeRF's axes"),
             ("from_na", &self.from_na, "poses are those of NeRF's axes"),
         ];
-        let found =
-            rules.into_iter().find(|(_, own, _)| own.as_ref().is_some_and(|v| says_something(&v)));
+        let found = rules
+            .into_iter()
+            .find(|(_, value, _)| value.as_ref().is_some_and(|v| says_something(&v)));
         found.map_or(Ok(()), |(key, _, rule)| Err(format!("{rule}, and {key} says something else")))
     }
 
@@ -375,7 +381,7 @@ impl Lens {
         self.check()?;
         let distortion = self.distortion()?;
         let extents = [size.width as f64, size.height as f64];
-        let of_angle = |angle: Option<f64>, extent: f64| match angle {
+        let focal_from_angle = |angle: Option<f64>, extent: f64| match angle {
             Some(angle) if 0.0 < angle && angle < std::f64::consts::PI => {
                 Ok(Some(0.5 * extent / (0.5 * angle).tan()))
             }
@@ -384,10 +390,12 @@ impl Lens {
             }
             None => Ok(None),
         };
-        let found_x =
-            self.fl_x.map_or_else(|| of_angle(self.camera_angle_x, extents[0]), |f| Ok(Some(f)));
-        let found_y =
-            self.fl_y.map_or_else(|| of_angle(self.camera_angle_y, extents[1]), |f| Ok(Some(f)));
+        let found_x = self
+            .fl_x
+            .map_or_else(|| focal_from_angle(self.camera_angle_x, extents[0]), |f| Ok(Some(f)));
+        let found_y = self
+            .fl_y
+            .map_or_else(|| focal_from_angle(self.camera_angle_y, extents[1]), |f| Ok(Some(f)));
         let (fx, fy) = match (found_x?, found_y?) {
             (Some(fx), Some(fy)) => (fx, fy),
             (Some(f), None) | (None, Some(f)) => (f, f),

@@ -209,7 +209,7 @@ fn what_each_row_learns_is_drawn_from_the_scene_as_it_is_drawn_from_the_tape() {
                 let variables = learnt.map(|parameters| parameters.record(&tape));
                 let values = Values { tape: &tape, learnt: variables.as_ref() };
                 let drawn = renderer.draw(&values, 0, 1, false).unwrap();
-                drawn.fragments.weight.map(|own| own.value().data().to_vec())
+                drawn.fragments.weight.map(|weight| weight.value().data().to_vec())
             };
             fragments(Some(&learnt)) != fragments(None)
         };
@@ -276,7 +276,7 @@ fn usual_rates_and_their_units_are_those_of_the_page() {
     let folder = tempfile::tempdir().unwrap();
     let renderer = scene(folder.path());
     let keys = learnt_keys(&renderer.scene().description.learn).into_iter();
-    let keys = keys.map(|own| (own.key.to_owned(), (own.usual_rate, own.unit.to_owned())));
+    let keys = keys.map(|keys| (keys.key.to_owned(), (keys.usual_rate, keys.unit.to_owned())));
     assert_eq!(listed, keys.collect());
     let radius = renderer.scene().ball().1;
     for rate in Learnt::from_scene(renderer.scene()).unwrap().rates {

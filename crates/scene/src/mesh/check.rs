@@ -5,7 +5,7 @@ use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
 
 /// What stands in errors for the file, where a model comes from memory.
 pub(super) fn place() -> Place {
-    Place::of("the model to be written")
+    Place::new("the model to be written")
 }
 
 /// Refuses a geometry whose index buffers or numbers break a rule.
@@ -26,8 +26,8 @@ pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
         end = faces.end;
     }
     if end != faces.len() {
-        let found = format!("has submeshes of its {} faces, and these have {end}", faces.len());
-        return Err(refused(name, found));
+        let message = format!("has submeshes of its {} faces, and these have {end}", faces.len());
+        return Err(refused(name, message));
     }
     attribute(name, "colours", colors.as_ref(), submeshes)?;
     attribute(name, "coordinates", coordinates.as_ref(), submeshes)?;
@@ -40,9 +40,9 @@ pub(super) fn check_number(what: &str, number: usize, count: usize) -> Result<()
     match number < count {
         true => Ok(()),
         false => {
-            let found =
+            let message =
                 format!("the model has {count} of the kind {what:?}, and number {number} is named");
-            Err(SceneError::content(place(), found))
+            Err(SceneError::content(place(), message))
         }
     }
 }
@@ -61,9 +61,9 @@ fn attribute<const N: usize>(
         return Err(refused(name, rule));
     }
     for submesh in submeshes {
-        let own = &indexed.faces[submesh.faces.clone()];
-        if own.as_flattened().iter().any(|&row| row != NO_ROW) {
-            rows(name, what, &indexed.rows, own)?;
+        let corners = &indexed.faces[submesh.faces.clone()];
+        if corners.as_flattened().iter().any(|&row| row != NO_ROW) {
+            rows(name, what, &indexed.rows, corners)?;
         }
     }
     Ok(())
@@ -77,8 +77,8 @@ fn rows<const N: usize>(
 ) -> Result<(), SceneError> {
     let beyond = |face: &[u32; 3]| face.iter().any(|&row| row as usize >= rows.len());
     if let Some(face) = faces.iter().position(beyond) {
-        let found = format!("face {face} names {:?}", faces[face]);
-        return Err(refused(name, format!("has {} {what}, and {found}", rows.len())));
+        let message = format!("face {face} names {:?}", faces[face]);
+        return Err(refused(name, format!("has {} {what}, and {message}", rows.len())));
     }
     if let Some(k) = rows.iter().position(|row| !row.iter().all(|number| number.is_finite())) {
         return Err(refused(name, format!("has finite {what}, and number {k} is {:?}", rows[k])));

@@ -94,7 +94,7 @@ mod tests {
     }
 
     /// What becomes of a colour beside a number that is the least or the largest, and what is noted.
-    fn of(written: Written, rows: [f32; 3]) -> (Vec<f32>, Vec<String>) {
+    fn converted(written: Written, rows: [f32; 3]) -> (Vec<f32>, Vec<String>) {
         let mut notes = Notes::default();
         let found = linear(vec![rows], written, ColorSpace::Linear, &mut notes);
         (found.as_flattened().to_vec(), notes.finish())
@@ -116,20 +116,20 @@ mod tests {
             (Fractions, [0.0, 0.5, 65535.0], 65535.0, 1),
         ];
         for (written, rows, white, notes) in cases {
-            let (found, said) = of(written, rows);
+            let (found, message) = converted(written, rows);
             for k in 1..3 {
                 assert_eq!(found[k], (f64::from(rows[k]) / white) as f32, "{written:?} {rows:?}");
             }
-            assert_eq!(said.len(), notes, "{written:?} {rows:?}: {said:?}");
+            assert_eq!(message.len(), notes, "{written:?} {rows:?}: {message:?}");
         }
         for (written, rows, named) in [
             (Whole, [0.0, 1.0, 65536.0], "65536"),
             (Fractions, [0.0, 1.0, 1e9], "1000000000"),
             (Bytes, [0.0, 1.0, -1.0], "-1"),
         ] {
-            let (found, said) = of(written, rows);
+            let (found, message) = converted(written, rows);
             assert!(found.is_empty(), "{found:?}");
-            assert!(said[0].contains("left out") && said[0].contains(named), "{said:?}");
+            assert!(message[0].contains("left out") && message[0].contains(named), "{message:?}");
         }
     }
 }

@@ -38,7 +38,7 @@ impl<'a> MeshContext<'a> {
 
     /// All of the mesh file.
     pub(super) fn place(&self) -> Place {
-        Place::of(self.folder.join(&self.path))
+        Place::new(self.folder.join(&self.path))
     }
 
     /// A line of the mesh file.
@@ -65,7 +65,7 @@ impl<'a> MeshContext<'a> {
 
     /// Where the file called `name` lies, for messages.
     pub(super) fn place_of(&self, name: &str) -> Place {
-        Place::of(self.folder.join(self.path_of(name)))
+        Place::new(self.folder.join(self.path_of(name)))
     }
 
     /// The path without links of the file called `name`, or nothing where there is no such file.

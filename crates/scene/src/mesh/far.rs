@@ -19,7 +19,7 @@ pub(super) struct Near {
 
 impl Near {
     /// Those of `positions`; the vertices that are `named` say whether they are far.
-    pub(super) fn of(
+    pub(super) fn new(
         positions: &[[f64; 3]],
         named: impl Iterator<Item = u32>,
         notes: &mut Notes,
@@ -44,21 +44,21 @@ impl Near {
 mod tests {
     use super::*;
 
-    fn of(positions: &[[f64; 3]]) -> (Near, usize) {
+    fn without_offset(positions: &[[f64; 3]]) -> (Near, usize) {
         let mut notes = Notes::default();
-        let near = Near::of(positions, 0..positions.len() as u32, &mut notes);
+        let near = Near::new(positions, 0..positions.len() as u32, &mut notes);
         (near, notes.finish().len())
     }
 
     #[test]
     fn positions_far_from_the_origin_lose_an_offset_of_whole_numbers_and_no_bits() {
         let (near, notes) =
-            of(&[[500_000.25, 4_649_776.0, 100.0], [500_001.0, 4_649_776.125, 99.5]]);
+            without_offset(&[[500_000.25, 4_649_776.0, 100.0], [500_001.0, 4_649_776.125, 99.5]]);
         assert_eq!(near.offset.to_array(), [500_001.0, 4_649_776.0, 100.0]);
         assert_eq!(near.positions, [[-0.75, 0.0, 0.0], [0.0, 0.125, -0.5]]);
         assert_eq!(notes, 1);
         // Beyond 2^24 it is a number that f32 has.
-        let (near, _) = of(&[[20_000_001.5, 0.0, 0.0], [20_000_004.5, 1.0, 0.0]]);
+        let (near, _) = without_offset(&[[20_000_001.5, 0.0, 0.0], [20_000_004.5, 1.0, 0.0]]);
         assert_eq!(f64::from(near.offset.x as f32), near.offset.x);
         assert_eq!(f64::from(near.positions[0][0]) + near.offset.x, 20_000_001.5);
     }
@@ -66,13 +66,13 @@ mod tests {
     #[test]
     fn positions_near_the_origin_stay_as_they_are() {
         let rows = [[15.0, 0.1, 0.0], [16.0, 0.0, 0.0]];
-        let (near, notes) = of(&rows);
+        let (near, notes) = without_offset(&rows);
         assert_eq!(near.positions, rows.map(|row| row.map(|x| x as f32)));
         assert_eq!((near.offset, notes), (DVec3::ZERO, 0));
         for rows in
             [&[[f64::NAN, 1e9, 1e9]; 3][..], &[[f64::INFINITY; 3]; 2], &[[1e300; 3]; 2], &[]]
         {
-            assert_eq!(of(rows).1, 0);
+            assert_eq!(without_offset(rows).1, 0);
         }
     }
 }

@@ -60,7 +60,7 @@ impl MeshKind {
     ///
     /// # Errors
     /// [`SceneError::Content`] for another extension.
-    pub fn of(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+    pub fn from_path(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match &*extension {
@@ -69,8 +69,8 @@ impl MeshKind {
             "gltf" | "glb" => Ok(Self::Gltf),
             _ => {
                 let rule = "a mesh file is an .obj, .ply, .gltf or .glb file";
-                let found = format!("{rule}, and the extension is {extension:?}");
-                Err(SceneError::content(Place::of(path), found))
+                let message = format!("{rule}, and the extension is {extension:?}");
+                Err(SceneError::content(Place::new(path), message))
             }
         }
     }
@@ -105,9 +105,9 @@ pub(crate) fn read_counted(
     path: &Path,
     options: MeshOptions,
 ) -> Result<Model, SceneError> {
-    let kind = MeshKind::of(path).map_err(|error| match error {
+    let kind = MeshKind::from_path(path).map_err(|error| match error {
         SceneError::Content { message, .. } => {
-            SceneError::content(Place::of(folder.join(path)), message)
+            SceneError::content(Place::new(folder.join(path)), message)
         }
         other => other,
     })?;

@@ -58,16 +58,16 @@ impl Notes {
     }
 }
 
-/// That what has these names was left out: `the statements "a" and "b" of a material were left out`.
-pub(super) fn left_out(what: [&str; 2], names: &[&str], of: &str) -> String {
-    let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|own| quoted(own)).collect();
+/// That what has these names was left out: `the statements "a" and "b" whose a material were left out`.
+pub(super) fn left_out(what: [&str; 2], names: &[&str], whose: &str) -> String {
+    let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|name| quoted(name)).collect();
     let more = match names.len() - quoted.len() {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
     let [one, many] = what;
     let (what, verb) = if names.len() == 1 { (one, "was") } else { (many, "were") };
-    format!("the {what} {}{more}{of} {verb} left out", quoted.join(", "))
+    format!("the {what} {}{more}{whose} {verb} left out", quoted.join(", "))
 }
 
 /// A name of a file, without space around it, and cut where it is very long.

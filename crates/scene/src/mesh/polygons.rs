@@ -61,14 +61,14 @@ impl Polygons {
             let fan = &faces[0][all.clone()];
             points.clear();
             points.extend(corners(fan).map(|row| DVec3::from(positions[row as usize])));
-            let found = Cut::of(&points, &mut ears);
+            let found = Cut::new(&points, &mut ears);
             bent += usize::from(found.is_bent);
             crossing += usize::from(found.crosses);
             if let Some(triangles) = found.triangles {
                 for faces in faces.iter_mut() {
-                    let own: Vec<u32> = corners(&faces[all.clone()]).collect();
+                    let fan_corners: Vec<u32> = corners(&faces[all.clone()]).collect();
                     for (face, triangle) in faces[all.clone()].iter_mut().zip(&triangles) {
-                        *face = triangle.map(|corner| own[corner as usize]);
+                        *face = triangle.map(|corner| fan_corners[corner as usize]);
                     }
                 }
             }
@@ -95,7 +95,7 @@ struct Cut {
 }
 
 impl Cut {
-    fn of(points: &[DVec3], ears: &mut Earcut<f64>) -> Self {
+    fn new(points: &[DVec3], ears: &mut Earcut<f64>) -> Self {
         let count = points.len();
         let next = |k: usize| if k + 1 < count { k + 1 } else { 0 };
         let from_first = |k: usize| points[k] - points[0];
@@ -157,9 +157,9 @@ impl Cut {
             let [a, b, c] = [a, b, c].map(|corner| flat[corner as usize]);
             (b - a).perp_dot(c - a)
         };
-        let own: f64 = (1..count).map(|k| flat[k - 1].perp_dot(flat[k])).sum();
+        let area: f64 = (1..count).map(|k| flat[k - 1].perp_dot(flat[k])).sum();
         let covered: f64 = triangles.iter().map(|triangle| doubled_area(triangle).abs()).sum();
-        let crosses = triangles.len() != count - 2 || (covered - own).abs() > COVERED * own;
+        let crosses = triangles.len() != count - 2 || (covered - area).abs() > COVERED * area;
         Self { triangles: Some(triangles).filter(|_| !crosses), is_bent, crosses }
     }
 }

@@ -16,7 +16,7 @@ pub(super) struct Unwelded {
 
 impl Unwelded {
     /// Of a geometry that was checked.
-    pub(super) fn of(geometry: &Geometry) -> Self {
+    pub(super) fn new(geometry: &Geometry) -> Self {
         let Geometry { faces, colors, coordinates, normals, tangents, .. } = geometry;
         let key = |corner: usize| {
             let (face, k) = (corner / 3, corner % 3);

@@ -86,8 +86,8 @@ impl Welder {
         let positions: Vec<[f32; 3]> = named.iter().map(|&row| plain(rows[row as usize])).collect();
         if let Some(k) = positions.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
             let rule = "positions are finite";
-            let found = format!("{rule}, and vertex {} is at {:?}", named[k], positions[k]);
-            return Err(SceneError::content(place.clone(), found));
+            let message = format!("{rule}, and vertex {} is at {:?}", named[k], positions[k]);
+            return Err(SceneError::content(place.clone(), message));
         }
         let same = same_rows(&positions);
         if is_welded {
@@ -105,18 +105,20 @@ impl Welder {
         if left_out == kept.len() {
             return Ok(None);
         }
-        let mut local = of_kept(&local, &kept);
+        let mut local = kept_faces(&local, &kept);
         let positions = named_only(positions, &mut local);
 
-        let submeshes = submeshes_of_kept(submeshes, &kept);
-        let own = (kept.as_slice(), submeshes.as_slice());
+        let submeshes = kept_submeshes(submeshes, &kept);
+        let kept_parts = (kept.as_slice(), submeshes.as_slice());
         let any = |_: &Submesh| true;
-        let mut colors = checked(raw.colors, own, any, plain, "colours", notes);
-        let mut coordinates = checked(raw.coordinates, own, any, plain, "coordinates", notes);
-        let mut normals = checked(raw.normals, own, any, unit, "normals", notes);
+        let mut colors = checked(raw.colors, kept_parts, any, plain, "colours", notes);
+        let mut coordinates =
+            checked(raw.coordinates, kept_parts, any, plain, "coordinates", notes);
+        let mut normals = checked(raw.normals, kept_parts, any, unit, "normals", notes);
         // The format that has tangents has none without normals.
         let has_normals = |k: &Submesh| has_row(&normals, k);
-        let mut tangents = checked(raw.tangents, own, has_normals, tangent, "tangents", notes);
+        let mut tangents =
+            checked(raw.tangents, kept_parts, has_normals, tangent, "tangents", notes);
         let kind = |k: &Submesh| {
             let vectors = [has_row(&colors, k), has_row(&normals, k), has_row(&tangents, k)];
             (k.material, vectors, has_row(&coordinates, k))
@@ -125,14 +127,14 @@ impl Welder {
         let (submeshes, order) = joined(submeshes, kinds);
         let indices = [
             Some(&mut local),
-            colors.as_mut().map(|own| &mut own.1),
-            coordinates.as_mut().map(|own| &mut own.1),
-            normals.as_mut().map(|own| &mut own.1),
-            tangents.as_mut().map(|own| &mut own.1),
+            colors.as_mut().map(|colors| &mut colors.1),
+            coordinates.as_mut().map(|coordinates| &mut coordinates.1),
+            normals.as_mut().map(|normals| &mut normals.1),
+            tangents.as_mut().map(|tangents| &mut tangents.1),
         ];
         let is_moved = !order.is_sorted_by_key(|faces| faces.start);
-        for own in indices.into_iter().flatten().filter(|_| is_moved) {
-            *own = order.iter().flat_map(|faces| own[faces.clone()].iter().copied()).collect();
+        for faces in indices.into_iter().flatten().filter(|_| is_moved) {
+            *faces = order.iter().flat_map(|range| faces[range.clone()].iter().copied()).collect();
         }
         let colors = self.numbered(colors, plain);
         let coordinates = self.numbered(coordinates, plain);
@@ -218,18 +220,18 @@ fn checked<'a, const N: usize>(
     notes: &mut Notes,
 ) -> Option<Checked<'a, N>> {
     let Corners { rows, faces } = corners?;
-    let mut faces = of_kept(&faces, kept);
+    let mut faces = kept_faces(&faces, kept);
     for submesh in submeshes {
-        let own = &mut faces[submesh.faces.clone()];
+        let corners_of_submesh = &mut faces[submesh.faces.clone()];
         if !has_it(submesh) {
-            own.fill([NO_ROW; 3]);
+            corners_of_submesh.fill([NO_ROW; 3]);
         }
         let is_bad =
             |&row: &u32| row != NO_ROW && !mended(rows[row as usize]).iter().all(|x| x.is_finite());
-        if own.as_flattened().iter().any(is_bad) {
+        if corners_of_submesh.as_flattened().iter().any(is_bad) {
             let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
             notes.add(why.replace("{}", what));
-            own.fill([NO_ROW; 3]);
+            corners_of_submesh.fill([NO_ROW; 3]);
         }
     }
     Some((rows, faces))
@@ -265,20 +267,20 @@ fn joined<K: Copy + Eq + Hash>(
 }
 
 /// The faces that are kept.
-fn of_kept(faces: &[[u32; 3]], kept: &[bool]) -> Vec<[u32; 3]> {
+fn kept_faces(faces: &[[u32; 3]], kept: &[bool]) -> Vec<[u32; 3]> {
     let faces = faces.iter().zip(kept).filter(|(_, kept)| **kept);
     faces.map(|(face, _)| *face).collect()
 }
 
 /// The faces that are kept of submeshes, without those that keep none.
-fn submeshes_of_kept(submeshes: Vec<Submesh>, kept: &[bool]) -> Vec<Submesh> {
+fn kept_submeshes(submeshes: Vec<Submesh>, kept: &[bool]) -> Vec<Submesh> {
     let mut end = 0;
-    let own = submeshes.into_iter().map(|Submesh { material, faces }| {
+    let kept_parts = submeshes.into_iter().map(|Submesh { material, faces }| {
         let begin = end;
         end += kept[faces].iter().filter(|&&kept| kept).count();
         Submesh { material, faces: begin..end }
     });
-    own.filter(|submesh| !submesh.faces.is_empty()).collect()
+    kept_parts.filter(|submesh| !submesh.faces.is_empty()).collect()
 }
 
 /// The positions that faces name, in their order; the faces get their new numbers.

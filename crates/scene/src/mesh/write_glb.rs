@@ -124,9 +124,9 @@ impl File {
         let mut accessor =
             json!({"bufferView": view, "componentType": FLOAT, "count": count, "type": kind});
         if has_bounds {
-            let bound = |start: f32, of: fn(f32, f32) -> f32| {
+            let bound = |start: f32, pick: fn(f32, f32) -> f32| {
                 let both = |bound: [f32; N], row: [f32; N]| {
-                    std::array::from_fn::<f32, N, _>(|k| of(bound[k], row[k]))
+                    std::array::from_fn::<f32, N, _>(|k| pick(bound[k], row[k]))
                 };
                 json!(rows.clone().fold([start; N], both).as_slice())
             };
@@ -156,7 +156,7 @@ impl File {
         check(geometry)?;
         let Geometry { name, positions, colors, coordinates, normals, tangents, submeshes, .. } =
             geometry;
-        let Unwelded { vertices, faces } = Unwelded::of(geometry);
+        let Unwelded { vertices, faces } = Unwelded::new(geometry);
         let named = |k: usize| vertices.iter().map(move |vertex| vertex[k]);
         let rows = named(0).map(|row| positions[row as usize]);
         let positions = self.rows(rows, true);
@@ -168,14 +168,15 @@ impl File {
             ("TANGENT", self.attribute(tangents, named(4), [1.0, 0.0, 0.0, 1.0], submeshes)),
         ];
         let mut primitives = Vec::with_capacity(submeshes.len());
-        for (k, Submesh { material, faces: own }) in submeshes.iter().enumerate() {
+        for (k, Submesh { material, faces: range }) in submeshes.iter().enumerate() {
             let mut named = json!({"POSITION": positions});
-            for (what, own) in &attributes {
-                if let Some((accessor, _)) = own.as_ref().filter(|(_, is_there)| is_there[k]) {
+            for (what, attribute) in &attributes {
+                if let Some((accessor, _)) = attribute.as_ref().filter(|(_, is_there)| is_there[k])
+                {
                     named[what] = json!(accessor);
                 }
             }
-            let corners = faces[own.clone()].as_flattened();
+            let corners = faces[range.clone()].as_flattened();
             let bytes: Vec<u8> = corners.iter().flat_map(|index| index.to_le_bytes()).collect();
             let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
             let (kind, count) = (UNSIGNED_INT, corners.len());
@@ -198,8 +199,8 @@ fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
     // Readers of doubles have all of it: a place may be far from the origin.
     let matrix = placed.transform.to_cols_array();
     if !matrix.iter().all(|&number| (number as f32).is_finite()) {
-        let found = format!("a matrix is finite, and that of {:?} is {matrix:?}", placed.name);
-        return Err(SceneError::content(place(), found));
+        let message = format!("a matrix is finite, and that of {:?} is {matrix:?}", placed.name);
+        return Err(SceneError::content(place(), message));
     }
     let mut node = json!({"mesh": placed.geometry});
     if placed.transform != glam::DMat4::IDENTITY {
@@ -224,10 +225,11 @@ impl Textures {
     fn texture(&mut self, map: &MaterialMap) -> Result<Option<Value>, SceneError> {
         let MaterialMap { image: Some(image), borders, .. } = *map else { return Ok(None) };
         check_number("image", image, self.images)?;
-        let sampler = self.borders.iter().position(|own| *own == borders).unwrap_or_else(|| {
-            self.borders.push(borders);
-            self.borders.len() - 1
-        });
+        let sampler =
+            self.borders.iter().position(|border| *border == borders).unwrap_or_else(|| {
+                self.borders.push(borders);
+                self.borders.len() - 1
+            });
         let number = *self.numbers.entry((image, sampler)).or_insert_with(|| {
             self.values.push(json!({"sampler": sampler, "source": image}));
             self.values.len() - 1
@@ -252,9 +254,9 @@ fn material_of(material: &MaterialFile, textures: &mut Textures) -> Result<Value
     let numbers = base_color.iter().chain([metallic, roughness, normal_scale]);
     if !numbers.clone().all(|number| number.is_finite()) {
         let found: Vec<f32> = numbers.copied().collect();
-        let found =
+        let message =
             format!("the numbers of the material {name:?} are finite, and these are {found:?}");
-        return Err(SceneError::content(place(), found));
+        return Err(SceneError::content(place(), message));
     }
     let base_color = base_color.map(|number| number.clamp(0.0, 1.0));
     let [metallic, roughness] = [metallic, roughness].map(|number| number.clamp(0.0, 1.0));

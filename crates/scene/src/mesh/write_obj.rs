@@ -44,8 +44,8 @@ pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
     let mut files =
         ObjFiles { obj: format!("mtllib {name}.mtl\n"), mtl: String::new(), images: Vec::new() };
     let materials = names(&model.materials);
-    for (material, own) in model.materials.iter().zip(&materials) {
-        files.add_material(model, material, own, name)?;
+    for (material, material_name) in model.materials.iter().zip(&materials) {
+        files.add_material(model, material, material_name, name)?;
     }
     // How many rows of positions, coordinates and normals there are before.
     let mut firsts = [1; 3];
@@ -67,14 +67,14 @@ fn one_line(name: &str, number: usize) -> String {
 /// Names of materials, each its own.
 fn names(materials: &[MaterialFile]) -> Vec<String> {
     let mut seen = HashSet::new();
-    let own = materials.iter().enumerate().map(|(number, material)| {
+    let unique = materials.iter().enumerate().map(|(number, material)| {
         let mut name = one_line(&material.name, number);
         while !seen.insert(name.clone()) {
             name = format!("{name}-{}", number + 1);
         }
         name
     });
-    own.collect()
+    unique.collect()
 }
 
 impl ObjFiles {
@@ -82,7 +82,7 @@ impl ObjFiles {
         &mut self,
         model: &Model,
         material: &MaterialFile,
-        own: &str,
+        material_name: &str,
         name: &str,
     ) -> Result<(), SceneError> {
         let MaterialFile { base_color: [red, green, blue, opacity], roughness, metallic, .. } =
@@ -100,7 +100,7 @@ impl ObjFiles {
             let clamp = if is_clamped { "-clamp on " } else { "" };
             Ok::<_, SceneError>(Some((&model.images[number], clamp)))
         };
-        let mut text = format!("newmtl {own}\n");
+        let mut text = format!("newmtl {material_name}\n");
         // Writing to a string cannot fail.
         let _ =
             writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
@@ -127,19 +127,19 @@ impl ObjFiles {
         firsts: &mut [usize; 3],
     ) -> Result<(), SceneError> {
         let placed = &model.placed[number];
-        let own = &model.geometries[placed.geometry];
-        check(own)?;
+        let geometry = &model.geometries[placed.geometry];
+        check(geometry)?;
         let text = &mut self.obj;
         let _ = writeln!(text, "o {}", one_line(&placed.name, number));
         // A vertex of OBJ has one colour.
-        let mut colors = vec![None; own.positions.len()];
-        if let Some(rows) = &own.colors {
-            let corners = own.faces.as_flattened().iter().zip(rows.faces.as_flattened());
+        let mut colors = vec![None; geometry.positions.len()];
+        if let Some(rows) = &geometry.colors {
+            let corners = geometry.faces.as_flattened().iter().zip(rows.faces.as_flattened());
             for (&vertex, &row) in corners.filter(|(_, row)| **row != NO_ROW) {
                 colors[vertex as usize] = Some(rows.rows[row as usize]);
             }
         }
-        for (point, color) in own.positions.iter().zip(colors) {
+        for (point, color) in geometry.positions.iter().zip(colors) {
             let _ = match placed.transform == DMat4::IDENTITY {
                 // As many digits as give the same bits again.
                 true => write!(text, "v {} {} {}", point[0], point[1], point[2]),
@@ -155,11 +155,11 @@ impl ObjFiles {
             }
             text.push('\n');
         }
-        for [u, v] in own.coordinates.iter().flat_map(|own| &own.rows) {
+        for [u, v] in geometry.coordinates.iter().flat_map(|coordinates| &coordinates.rows) {
             let _ = writeln!(text, "vt {u} {}", 1.0 - v);
         }
         let turn = DMat3::from_mat4(placed.transform).inverse().transpose();
-        for normal in own.normals.iter().flat_map(|own| &own.rows) {
+        for normal in geometry.normals.iter().flat_map(|normals| &normals.rows) {
             let _ = match turn == DMat3::IDENTITY {
                 true => writeln!(text, "vn {} {} {}", normal[0], normal[1], normal[2]),
                 false => {
@@ -170,7 +170,7 @@ impl ObjFiles {
             };
         }
         let is_mirrored = placed.transform.determinant() < 0.0;
-        for submesh in &own.submeshes {
+        for submesh in &geometry.submeshes {
             let name = match submesh.material {
                 None => NO_MATERIAL,
                 Some(material) => {
@@ -180,23 +180,30 @@ impl ObjFiles {
             };
             // It holds until the next one, through objects.
             let _ = writeln!(text, "usemtl {name}");
-            let coordinates = own.coordinates.as_ref().filter(|own| own.covers(&submesh.faces));
-            let normals = own.normals.as_ref().filter(|own| own.covers(&submesh.faces));
+            let coordinates = geometry
+                .coordinates
+                .as_ref()
+                .filter(|coordinates| coordinates.covers(&submesh.faces));
+            let normals =
+                geometry.normals.as_ref().filter(|normals| normals.covers(&submesh.faces));
             for face in submesh.faces.clone() {
                 text.push('f');
                 for k in if is_mirrored { [0, 2, 1] } else { [0, 1, 2] } {
                     let row = |first: usize, row: u32| (first + row as usize).to_string();
-                    let vertex = row(firsts[0], own.faces[face][k]);
-                    let of = |first, rows: Option<&[[u32; 3]]>| {
+                    let vertex = row(firsts[0], geometry.faces[face][k]);
+                    let index = |first, rows: Option<&[[u32; 3]]>| {
                         rows.map(|rows| row(first, rows[face][k]))
                     };
-                    let coordinate = of(firsts[1], coordinates.map(|own| own.faces.as_slice()));
-                    let normal = of(firsts[2], normals.map(|own| own.faces.as_slice()));
+                    let coordinate = index(
+                        firsts[1],
+                        coordinates.map(|coordinates| coordinates.faces.as_slice()),
+                    );
+                    let normal = index(firsts[2], normals.map(|normals| normals.faces.as_slice()));
                     let _ = match (coordinate, normal) {
                         (None, None) => write!(text, " {vertex}"),
-                        (Some(own), None) => write!(text, " {vertex}/{own}"),
-                        (own, Some(normal)) => {
-                            write!(text, " {vertex}/{}/{normal}", own.unwrap_or_default())
+                        (Some(uv), None) => write!(text, " {vertex}/{uv}"),
+                        (uv, Some(normal)) => {
+                            write!(text, " {vertex}/{}/{normal}", uv.unwrap_or_default())
                         }
                     };
                 }
@@ -204,9 +211,9 @@ impl ObjFiles {
             }
         }
         let counts = [
-            own.positions.len(),
-            own.coordinates.as_ref().map_or(0, |own| own.rows.len()),
-            own.normals.as_ref().map_or(0, |own| own.rows.len()),
+            geometry.positions.len(),
+            geometry.coordinates.as_ref().map_or(0, |indexed| indexed.rows.len()),
+            geometry.normals.as_ref().map_or(0, |indexed| indexed.rows.len()),
         ];
         firsts.iter_mut().zip(counts).for_each(|(first, count)| *first += count);
         Ok(())

@@ -26,7 +26,7 @@ pub fn ply(
     image: impl Fn(usize) -> Option<String>,
 ) -> Result<Vec<u8>, SceneError> {
     check(geometry)?;
-    let unwelded = Unwelded::of(geometry);
+    let unwelded = Unwelded::new(geometry);
     let Geometry { positions, offset, colors, coordinates, normals, submeshes, .. } = geometry;
     let mut header = "ply\nformat binary_little_endian 1.0\n".to_owned();
     // The materials of its faces, each with the number of its image.

@@ -13,7 +13,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`SceneError::Content`] without a pixel, and for samples of another type than 8, 16 and 32 bits.
-    pub fn of_image(image: DynamicImage) -> Result<Self, SceneError> {
+    pub fn from_image(image: DynamicImage) -> Result<Self, SceneError> {
         let [width, height] = [image.width() as usize, image.height() as usize];
         let channels = usize::from(image.color().channel_count());
         let samples = match image {
@@ -29,12 +29,12 @@ impl Picture {
             DynamicImage::ImageRgba32F(image) => Samples::F32(image.into_raw()),
             other => {
                 let rule = "samples of an image have 8, 16 or 32 bits";
-                let found = format!("{rule}, and these are {:?}", other.color());
-                return Err(SceneError::content(Place::of(NOWHERE), found));
+                let message = format!("{rule}, and these are {:?}", other.color());
+                return Err(SceneError::content(Place::new(NOWHERE), message));
             }
         };
         let picture = Self { width, height, channels, samples };
-        picture.checked(&Place::of(NOWHERE))?;
+        picture.checked(&Place::new(NOWHERE))?;
         Ok(picture)
     }
 
@@ -44,9 +44,9 @@ impl Picture {
     /// [`SceneError::Content`] without a pixel, where the number of samples is not that of the pixels, and for
     /// 32 bits of one channel or two, which the crate `image` does not have.
     pub fn into_image(self) -> Result<DynamicImage, SceneError> {
-        let place = Place::of(NOWHERE);
+        let place = Place::new(NOWHERE);
         self.checked(&place)?;
-        let wrong = |found: String| SceneError::content(place.clone(), found);
+        let wrong = |message: String| SceneError::content(place.clone(), message);
         let (Ok(width), Ok(height)) = (u32::try_from(self.width), u32::try_from(self.height))
         else {
             let [width, height] = [self.width, self.height];

@@ -20,7 +20,7 @@ pub enum ColorSpace {
 
 impl ColorSpace {
     /// The usual space of a picture's colours: linear for samples of 32 bits, sRGB for others.
-    pub const fn of(picture: &Picture) -> Self {
+    pub const fn for_picture(picture: &Picture) -> Self {
         match picture.samples {
             Samples::F32(_) => Self::Linear,
             Samples::U8(_) | Samples::U16(_) => Self::Srgb,
@@ -175,16 +175,16 @@ impl Picture {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless there are rows, columns, and one to four channels.
-    pub fn of_color(color: &Tensor<f32>, space: ColorSpace) -> Result<Self, SceneError> {
-        Self::of_light(color, space, Depth::Eight)
+    pub fn from_color(color: &Tensor<f32>, space: ColorSpace) -> Result<Self, SceneError> {
+        Self::from_light(color, space, Depth::Eight)
     }
 
     /// The image of linear light `light: [H, W, C]`. Numbers of 8 and 16 bits are clamped to 0 .. 1 and
     /// rounded, and a NaN is 0 there. With two or four channels the last is opacity, which no curve changes.
     ///
     /// # Errors
-    /// As [`Picture::of_color`].
-    pub fn of_light(
+    /// As [`Picture::from_color`].
+    pub fn from_light(
         light: &Tensor<f32>,
         space: ColorSpace,
         depth: Depth,
@@ -211,8 +211,8 @@ impl Picture {
     /// The image of 32 bits with the entries of `numbers: [H, W]` or `[H, W, C]`.
     ///
     /// # Errors
-    /// As [`Picture::of_color`].
-    pub fn of_numbers(numbers: &Tensor<f32>) -> Result<Self, SceneError> {
+    /// As [`Picture::from_color`].
+    pub fn from_numbers(numbers: &Tensor<f32>) -> Result<Self, SceneError> {
         let [height, width, channels] = extents("an image of numbers", numbers)?;
         let samples = Samples::F32(numbers.data().to_vec());
         Ok(Self { width, height, channels, samples })

@@ -37,7 +37,7 @@ const OTHERS: [(usize, &[u8], &str); 9] = [
 
 impl Format {
     /// The format of a file, by its first bytes.
-    pub(super) fn of(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
+    pub(super) fn detect(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
         let begins = |magic: &[u8]| bytes.starts_with(magic);
         if begins(b"\x89PNG\r\n\x1a\n") {
             return Ok(Self::Png);
@@ -63,8 +63,8 @@ impl Format {
             true => "the file is empty".to_owned(),
             false => format!("the file begins with the bytes {}", first.join(" ")),
         };
-        let found = format!("an image is a PNG, JPEG, EXR or HDR file, and {found}");
-        Err(SceneError::content(place.clone(), found))
+        let message = format!("an image is a PNG, JPEG, EXR or HDR file, and {found}");
+        Err(SceneError::content(place.clone(), message))
     }
 }
 
@@ -86,7 +86,7 @@ impl Picture {
         memory: &Memory,
         place: &Place,
     ) -> Result<Self, SceneError> {
-        let decode = match Format::of(bytes, place)? {
+        let decode = match Format::detect(bytes, place)? {
             Format::Png => png_file::decode,
             Format::Jpeg => jpeg_file::decode,
             Format::Exr => open_exr::decode,
@@ -101,7 +101,7 @@ impl Picture {
     /// As [`Picture::decode`].
     pub fn decode_upright(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
         let picture = Self::decode(bytes, place)?;
-        Ok(match Self::turn_of(bytes, place)? {
+        Ok(match Self::decode_turn(bytes, place)? {
             Some(turn) => turn.apply(&picture),
             None => picture,
         })
@@ -111,8 +111,8 @@ impl Picture {
     /// stored. Exif data that can't be read turn nothing.
     ///
     /// # Errors
-    /// As [`Picture::size_of`].
-    pub fn turn_of(bytes: &[u8], place: &Place) -> Result<Option<Turn>, SceneError> {
+    /// As [`Picture::decode_size`].
+    pub fn decode_turn(bytes: &[u8], place: &Place) -> Result<Option<Turn>, SceneError> {
         Ok(header(bytes, bytes.len(), place)?.turn())
     }
 
@@ -121,29 +121,29 @@ impl Picture {
     /// # Errors
     /// [`SceneError::Content`] for another format and for a broken header; [`SceneError::TooLarge`]
     /// beyond [`MOST_SAMPLES`](super::MOST_SAMPLES).
-    pub fn size_of(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
-        size_of_start(bytes, bytes.len(), place)
+    pub fn decode_size(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
+        header_size(bytes, bytes.len(), place)
     }
 
-    /// As [`Picture::size_of`], of the file at `path`, of which no more is read than is needed.
+    /// As [`Picture::decode_size`], of the file at `path`, of which no more is read than is needed.
     ///
     /// # Errors
-    /// As [`Folder::read`] and [`Picture::size_of`].
-    pub fn size_in(folder: &Folder, path: impl AsRef<Path>) -> Result<[usize; 2], SceneError> {
+    /// As [`Folder::read`] and [`Picture::decode_size`].
+    pub fn read_size(folder: &Folder, path: impl AsRef<Path>) -> Result<[usize; 2], SceneError> {
         let path = path.as_ref();
-        let place = Place::of(folder.join(path));
+        let place = Place::new(folder.join(path));
         let (bytes, length) = folder.read_start(path, START)?;
         let length = usize::try_from(length).unwrap_or(usize::MAX);
-        match size_of_start(&bytes, length, &place) {
+        match header_size(&bytes, length, &place) {
             // A header may be longer.
-            Err(_) if length > bytes.len() => Self::size_of(&folder.read(path)?, &place),
+            Err(_) if length > bytes.len() => Self::decode_size(&folder.read(path)?, &place),
             found => found,
         }
     }
 }
 
 /// The columns and rows of the image of a file of `length` bytes that begins with `bytes`.
-pub(super) fn size_of_start(
+pub(super) fn header_size(
     bytes: &[u8],
     length: usize,
     place: &Place,
@@ -153,7 +153,7 @@ pub(super) fn size_of_start(
 
 /// What a file of `length` bytes that begins with `bytes` says before its pixels.
 pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
-    let read = match Format::of(bytes, place)? {
+    let read = match Format::detect(bytes, place)? {
         Format::Png => png_file::header,
         Format::Jpeg => jpeg_file::header,
         Format::Exr => open_exr::header,
@@ -168,7 +168,7 @@ mod tests {
     use crate::picture::Samples;
 
     fn decoded(bytes: &[u8]) -> Picture {
-        Picture::decode(bytes, &Place::of("a")).unwrap()
+        Picture::decode(bytes, &Place::new("a")).unwrap()
     }
 
     type Kind = (png::ColorType, png::BitDepth);

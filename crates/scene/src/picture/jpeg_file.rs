@@ -47,8 +47,8 @@ pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Heade
 /// The image as it is stored.
 pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
     if !has_end(bytes) {
-        let found = "a JPEG has a marker at the end of its pixels, and this is cut short";
-        return Err(SceneError::content(place.clone(), found));
+        let message = "a JPEG has a marker at the end of its pixels, and this is cut short";
+        return Err(SceneError::content(place.clone(), message));
     }
     let (mut decoder, [width, height, channels]) = opened(bytes, bytes.len(), place)?;
     let count = width * height * channels;

@@ -81,7 +81,7 @@ impl Mask {
     ///
     /// # Panics
     /// As [`Picture::color`].
-    pub fn of(picture: &Picture, place: &Place) -> Result<Self, SceneError> {
+    pub fn from_picture(picture: &Picture, place: &Place) -> Result<Self, SceneError> {
         let wrong = |message: String| SceneError::content(place.clone(), message);
         let what = || format!("a mask of {} x {}", picture.width, picture.height);
         let bytes = OF_MASK_PIXEL * picture.pixels() as u64;
@@ -89,7 +89,7 @@ impl Mask {
         let is_whole = !matches!(picture.samples, Samples::F32(_));
         let shape = [picture.height, picture.width];
         let of_numbers = |numbers: Vec<f32>| {
-            let (share, kind) = told(&numbers, is_whole).map_err(wrong)?;
+            let (share, kind) = read_shares(&numbers, is_whole).map_err(wrong)?;
             Ok(Self { share: Tensor::from_flat_fn(shape, |at| share[at]), kind })
         };
         if let Some(opacity) = picture.opacity() {
@@ -125,7 +125,7 @@ impl Mask {
     ///
     /// # Panics
     /// As [`Picture::color`].
-    pub fn of_opacity(picture: &Picture) -> Option<Self> {
+    pub fn from_opacity(picture: &Picture) -> Option<Self> {
         let share = picture.opacity()?;
         let first = share.data()[0];
         let is_even = [0.0, 1.0].contains(&first) && share.data().iter().all(|&x| x == first);
@@ -190,7 +190,7 @@ fn distinct<K: std::hash::Hash + Eq + Copy>(
 }
 
 /// The shares that numbers stand for, and how they say it.
-fn told(numbers: &[f32], is_whole: bool) -> Result<(Vec<f32>, MaskKind), String> {
+fn read_shares(numbers: &[f32], is_whole: bool) -> Result<(Vec<f32>, MaskKind), String> {
     let least = numbers.iter().copied().fold(f32::INFINITY, f32::min);
     let most = numbers.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     if least < 0.0 {
@@ -261,7 +261,7 @@ mod tests {
     }
 
     fn mask(picture: &Picture) -> Result<Mask, String> {
-        Mask::of(picture, &Place::of("m.png")).map_err(|error| error.to_string())
+        Mask::from_picture(picture, &Place::new("m.png")).map_err(|error| error.to_string())
     }
 
     /// Checks that the square is the object, said in this way.
@@ -384,18 +384,18 @@ mod tests {
             (bytes(3, |k, _| [200, 0, 0, 0, 200, 0][k % 6]), "and this is nowhere black"),
         ];
         for (picture, rule) in rows {
-            let said = mask(&picture).unwrap_err();
-            assert!(said.starts_with("m.png: ") && said.contains(rule), "{said}");
+            let message = mask(&picture).unwrap_err();
+            assert!(message.starts_with("m.png: ") && message.contains(rule), "{message}");
         }
     }
 
     #[test]
     fn an_image_s_own_opacity_tells_nothing_where_it_is_the_same() {
-        let opaque = |opacity: u8| Mask::of_opacity(&bytes(4, move |_, _| opacity)).unwrap();
+        let opaque = |opacity: u8| Mask::from_opacity(&bytes(4, move |_, _| opacity)).unwrap();
         assert!(opaque(255).fault().is_some() && opaque(0).fault().is_some());
         let cut = bytes(2, |_, inside| if inside { 255 } else { 3 });
-        let found = Mask::of_opacity(&cut).unwrap();
+        let found = Mask::from_opacity(&cut).unwrap();
         assert_eq!((found.kind, found.share), (MaskKind::Opacity, cut.opacity().unwrap()));
-        assert!(Mask::of_opacity(&bytes(3, |_, _| 1)).is_none());
+        assert!(Mask::from_opacity(&bytes(3, |_, _| 1)).is_none());
     }
 }

@@ -10,7 +10,7 @@
 //! - Radiance's `.hdr` and `.pic`. What their header says was multiplied is divided out.
 //!
 //! The format is told by the first bytes. An image is read as it is stored: what Exif data say of its
-//! orientation is told by [`Picture::turn_of`], and done by [`Picture::decode_upright`] alone.
+//! orientation is told by [`Picture::decode_turn`], and done by [`Picture::decode_upright`] alone.
 //!
 //! # What is left out
 //! Colour profiles, chromaticities and gamma: what a file's numbers mean is the caller's choice,

@@ -12,7 +12,7 @@ use exr::prelude::{
 };
 
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
-use super::usual::{is_srgb, of_aspect};
+use super::usual::{aspect_remark, is_srgb};
 use crate::error::{Place, SceneError};
 use crate::memory::Memory;
 
@@ -36,7 +36,7 @@ enum Chosen {
 }
 
 impl Chosen {
-    fn of(header: &Header) -> Option<Self> {
+    fn new(header: &Header) -> Option<Self> {
         if header.deep {
             return None;
         }
@@ -74,7 +74,7 @@ fn layers(header: &Header) -> Vec<String> {
 /// # Errors
 /// [`SceneError::Content`] where there is none, or one of several layers.
 fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneError> {
-    let found = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::of(header)?)));
+    let found = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::new(header)?)));
     // A part is found by the names of its channels, the first one that has them.
     let found = found.filter(|(k, chosen)| match chosen {
         Chosen::Color(_) => true,
@@ -85,7 +85,7 @@ fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneErr
     });
     let has_gray = matches!(found, Some((_, Chosen::Gray(_))));
     let all = headers.iter().enumerate();
-    let all = all.flat_map(|(k, header)| layers(header).into_iter().map(move |own| (k, own)));
+    let all = all.flat_map(|(k, header)| layers(header).into_iter().map(move |layer| (k, layer)));
     let all: Vec<_> = all.collect();
     match (found, all.as_slice()) {
         (Some(found), _) if !has_gray => Ok(found),
@@ -93,15 +93,15 @@ fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneErr
         (Some(found), []) => Ok(found),
         (None, []) => {
             let rule = "an EXR image has the channels R, G and B, or Y and A, or a single channel";
-            let found = format!("{rule}, and no flat layer of this file has");
-            Err(SceneError::content(place.clone(), found))
+            let message = format!("{rule}, and no flat layer of this file has");
+            Err(SceneError::content(place.clone(), message))
         }
         (_, several) => {
             let names = several.iter().map(|(_, layer)| layer.trim_end_matches('.'));
             let names = names.collect::<Vec<_>>().join(", ");
             let rule = "of an EXR image the only layer with R, G and B is read";
-            let found = format!("{rule}, and this has {}: {names}", several.len());
-            Err(SceneError::content(place.clone(), found))
+            let message = format!("{rule}, and this has {}: {names}", several.len());
+            Err(SceneError::content(place.clone(), message))
         }
     }
 }
@@ -113,7 +113,7 @@ fn opened<'b>(
     length: usize,
     place: &Place,
 ) -> Result<(File<'b>, usize, Chosen), SceneError> {
-    let content = |found: String| SceneError::content(place.clone(), found);
+    let content = |message: String| SceneError::content(place.clone(), message);
     let reader =
         exr::block::read(Cursor::new(bytes), false).map_err(|error| broken(&error, place))?;
     let headers = reader.headers();
@@ -157,36 +157,36 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
     let (reader, layer, chosen) = opened(bytes, bytes.len(), place)?;
     let headers = reader.headers();
     let (header, shared) = (&headers[layer], &headers[layer].shared_attributes);
-    let mut said = Vec::new();
-    if let Some(own) = shared.chromaticities {
-        let all = [own.white, own.red, own.green, own.blue];
+    let mut remarks = Vec::new();
+    if let Some(primaries) = shared.chromaticities {
+        let all = [primaries.white, primaries.red, primaries.green, primaries.blue];
         let all: Vec<f32> = all.iter().flat_map(|place| [place.x(), place.y()]).collect();
         if !<[f32; 8]>::try_from(all).is_ok_and(is_srgb) {
-            said.push("it says other primaries than sRGB's, which is left out".to_owned());
+            remarks.push("it says other primaries than sRGB's, which is left out".to_owned());
         }
     }
-    said.extend(of_aspect(shared.pixel_aspect.into()));
+    remarks.extend(aspect_remark(shared.pixel_aspect.into()));
     let display = shared.display_window;
     let (size, position) = (header.layer_size, header.own_attributes.layer_position);
     if size != display.size || position != display.position {
-        let [data, shown] = [size, display.size].map(|own| format!("{} x {}", own.0, own.1));
+        let [data, shown] = [size, display.size].map(|size| format!("{} x {}", size.0, size.1));
         let rule = "what lies outside is left out, and what is missing is 0";
-        said.push(format!("it shows a window of {shown} of {data} pixels: {rule}"));
+        remarks.push(format!("it shows a window of {shown} of {data} pixels: {rule}"));
     }
     if header.own_attributes.environment_map.is_some() {
-        said.push("it says which environment map it is, which is left out".to_owned());
+        remarks.push("it says which environment map it is, which is left out".to_owned());
     }
     // Channels that are no part of the image.
     let is_read = |name: &Text| match &chosen {
-        Chosen::Gray(own) => name == own || *own == *"Y" && *name == *"A",
+        Chosen::Gray(gray) => name == gray || *gray == *"Y" && *name == *"A",
         Chosen::Color(layer) => {
-            ["R", "G", "B", "A"].iter().any(|own| *name == *format!("{layer}{own}"))
+            ["R", "G", "B", "A"].iter().any(|channel| *name == *format!("{layer}{channel}"))
         }
     };
     let others = header.channels.list.iter().map(|channel| &channel.name);
     let others: Vec<_> = others.filter(|name| !is_read(name)).map(Text::to_string).collect();
     if !others.is_empty() {
-        said.push(format!("other channels are left out: {}", named(&others)));
+        remarks.push(format!("other channels are left out: {}", named(&others)));
     }
     let parts = headers.iter().enumerate().filter(|(k, _)| *k != layer).map(|(k, header)| {
         let name = &header.own_attributes.layer_name;
@@ -194,9 +194,9 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
     });
     let parts: Vec<_> = parts.collect();
     if !parts.is_empty() {
-        said.push(format!("other parts are left out: {}", named(&parts)));
+        remarks.push(format!("other parts are left out: {}", named(&parts)));
     }
-    Ok(said)
+    Ok(remarks)
 }
 
 /// The first of some names, and how many others there are.
@@ -238,12 +238,15 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     };
     let samples = samples.map_err(|error| broken(&error, place))?;
     let offset = position - display.position;
-    if let Some(at) = samples.iter().position(|sample| !sample.is_finite()) {
-        let pixel = at / channels;
+    if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {
+        let pixel = index / channels;
         let column = (pixel % size.width()) as i64 + i64::from(offset.x());
         let row = (pixel / size.width()) as i64 + i64::from(offset.y());
-        let found = format!("pixel ({column}, {row}) has {}", samples[at]);
-        return Err(SceneError::content(place.clone(), format!("samples are finite, and {found}")));
+        let message = format!("pixel ({column}, {row}) has {}", samples[index]);
+        return Err(SceneError::content(
+            place.clone(),
+            format!("samples are finite, and {message}"),
+        ));
     }
     let samples = match offset == Vec2(0, 0) && size == display.size {
         true => samples,
@@ -343,18 +346,18 @@ impl Picture {
 }
 
 fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneError> {
-    let content = |found: String| SceneError::content(place.clone(), found);
+    let content = |message: String| SceneError::content(place.clone(), message);
     let Samples::F32(samples) = &picture.samples else {
         return Err(content(
             "an EXR image has samples of 32 bits, and these have fewer".to_owned(),
         ));
     };
     let channels = picture.channels;
-    if let Some(at) = samples.iter().position(|sample| !sample.is_finite()) {
-        let pixel = at / channels;
+    if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {
+        let pixel = index / channels;
         let [column, row] = [pixel % picture.width, pixel / picture.width];
-        let found = format!("pixel ({column}, {row}) has {}", samples[at]);
-        return Err(content(format!("samples are finite, and {found}")));
+        let message = format!("pixel ({column}, {row}) has {}", samples[index]);
+        return Err(content(format!("samples are finite, and {message}")));
     }
     let list = NAMES[channels - 1].iter().enumerate().map(|(k, name)| {
         let plane = samples.iter().skip(k).step_by(channels).copied().collect();
@@ -387,7 +390,7 @@ mod tests {
     }
 
     fn place() -> Place {
-        Place::of("a.exr")
+        Place::new("a.exr")
     }
 
     #[test]
@@ -402,23 +405,23 @@ mod tests {
             let expected = [[1.0, 2.0, 3.0, 4.0], [1.5, 2.5, 3.5, 4.5]];
             let expected = expected.iter().flat_map(|pixel| pixel[..channels].to_vec()).collect();
             assert_eq!(picture.samples, Samples::F32(expected));
-            assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [2, 1]);
-            let said = Picture::remarks(&bytes, &place()).unwrap();
-            assert!(said.len() == 1 && said[0].contains("ViewLayer.Depth.Z"), "{said:?}");
+            assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [2, 1]);
+            let message = Picture::remarks(&bytes, &place()).unwrap();
+            assert!(message.len() == 1 && message[0].contains("ViewLayer.Depth.Z"), "{message:?}");
         }
     }
 
     #[test]
     fn of_several_layers_the_one_without_a_name_is_read_or_none() {
         let two = ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"];
-        let said = Picture::decode(&file(&two), &place()).unwrap_err().to_string();
+        let message = Picture::decode(&file(&two), &place()).unwrap_err().to_string();
         let rule = "of an EXR image the only layer with R, G and B is read, and this has 2: a, b";
-        assert_eq!(said, format!("a.exr: {rule}"));
+        assert_eq!(message, format!("a.exr: {rule}"));
         let bytes = file(&[&["R", "G", "B"][..], &two].concat());
         let picture = Picture::decode(&bytes, &place()).unwrap();
         assert_eq!(picture.samples, Samples::F32(vec![1.0, 2.0, 3.0, 1.5, 2.5, 3.5]));
-        let said = Picture::remarks(&bytes, &place()).unwrap();
-        assert_eq!(said, ["other channels are left out: a.B, a.G, a.R, b.B, b.G, b.R"]);
+        let message = Picture::remarks(&bytes, &place()).unwrap();
+        assert_eq!(message, ["other channels are left out: a.B, a.G, a.R, b.B, b.G, b.R"]);
         // A layer that lacks one is none.
         let bytes = file(&["a.R", "a.G", "b.R", "b.G", "b.B"]);
         assert_eq!(Picture::decode(&bytes, &place()).unwrap().samples.count(), 6);

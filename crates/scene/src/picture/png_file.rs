@@ -93,8 +93,8 @@ impl Picture {
                 (wide.as_slice(), BitDepth::Sixteen)
             }
             Samples::F32(_) => {
-                let found = "a PNG has samples of 8 or 16 bits, and these have 32";
-                return Err(SceneError::content(place.clone(), found));
+                let message = "a PNG has samples of 8 or 16 bits, and these have 32";
+                return Err(SceneError::content(place.clone(), message));
             }
         };
         let failed = |error: &dyn std::fmt::Display| {

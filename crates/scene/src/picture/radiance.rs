@@ -17,7 +17,7 @@
 
 use super::header::Header;
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
-use super::usual::{is_srgb, of_aspect};
+use super::usual::{aspect_remark, is_srgb};
 use crate::error::{Place, SceneError};
 use crate::memory::Memory;
 
@@ -73,7 +73,7 @@ impl<'b> File<'b> {
 
     /// The values of a key.
     fn values<'a>(&'a self, key: &'a str) -> impl Iterator<Item = &'a str> {
-        self.attributes.iter().filter(move |(own, _)| own == key).map(|(_, value)| value.as_str())
+        self.attributes.iter().filter(move |(name, _)| name == key).map(|(_, value)| value.as_str())
     }
 
     /// The product of a key's values; those that are no numbers are left out.
@@ -133,15 +133,15 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     let factors = file.factors();
     if !factors.iter().all(|factor| factor.is_finite() && *factor > 0.0) {
         let rule = "EXPOSURE and COLORCORR are above 0";
-        let found = format!("{rule}, and these make {factors:?}");
-        return Err(SceneError::content(place.clone(), found));
+        let message = format!("{rule}, and these make {factors:?}");
+        return Err(SceneError::content(place.clone(), message));
     }
     let mut samples = Vec::with_capacity(3 * width * height);
     let (mut rest, mut pixels) = (file.pixels, vec![[0; 4]; width]);
     for row in 0..height {
         if read_row(&mut rest, &mut pixels).is_none() {
-            let found = format!("row {row} does not have {width} pixels");
-            return Err(broken(&found, place));
+            let message = format!("row {row} does not have {width} pixels");
+            return Err(broken(&message, place));
         }
         for pixel in &pixels {
             samples
@@ -149,8 +149,8 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
         }
     }
     if let Some(sample) = samples.iter().find(|sample| !sample.is_finite()) {
-        let found = format!("samples are finite, and EXPOSURE makes {sample} of one");
-        return Err(SceneError::content(place.clone(), found));
+        let message = format!("samples are finite, and EXPOSURE makes {sample} of one");
+        return Err(SceneError::content(place.clone(), message));
     }
     Ok(Picture { width, height, channels: 3, samples: Samples::F32(samples) })
 }
@@ -230,7 +230,7 @@ fn read_pixels(rest: &mut &[u8], first: [u8; 4], pixels: &mut [[u8; 4]]) -> Opti
 /// What a header says that is not done.
 pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
     let file = File::new(bytes, bytes.len(), place)?;
-    let mut said = Vec::new();
+    let mut remarks = Vec::new();
     for value in file.values("PRIMARIES") {
         let found: Vec<f32> = value.split_whitespace().flat_map(str::parse).collect();
         // Red, green, blue, white.
@@ -239,13 +239,13 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
             _ => false,
         };
         if !is_usual {
-            said.push("it says other primaries than sRGB's, which is left out".to_owned());
+            remarks.push("it says other primaries than sRGB's, which is left out".to_owned());
         }
     }
     // It has height by width.
     let aspect = file.product("PIXASPECT");
-    said.extend(aspect.and_then(|aspect| of_aspect(1.0 / f64::from(aspect))));
-    Ok(said)
+    remarks.extend(aspect.and_then(|aspect| aspect_remark(1.0 / f64::from(aspect))));
+    Ok(remarks)
 }
 
 #[cfg(test)]
@@ -259,7 +259,7 @@ mod tests {
     }
 
     fn decoded(bytes: &[u8]) -> Result<Picture, String> {
-        Picture::decode(bytes, &Place::of("sky.hdr")).map_err(|error| error.to_string())
+        Picture::decode(bytes, &Place::new("sky.hdr")).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -275,8 +275,8 @@ mod tests {
             let picture = decoded(&bytes).unwrap();
             assert_eq!([picture.width, picture.height, picture.channels], [2, 1, 3]);
             assert_eq!(picture.samples, Samples::F32(expected.to_vec()), "{lines}");
-            assert_eq!(Picture::size_of(&bytes, &Place::of("a")).unwrap(), [2, 1]);
-            assert!(Picture::remarks(&bytes, &Place::of("a")).unwrap().is_empty());
+            assert_eq!(Picture::decode_size(&bytes, &Place::new("a")).unwrap(), [2, 1]);
+            assert!(Picture::remarks(&bytes, &Place::new("a")).unwrap().is_empty());
         }
         let other = file("", "-Y 1 +X 2");
         let other = [b"#?RGBE", &other[10..]].concat();
@@ -297,15 +297,18 @@ mod tests {
             (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n".to_vec(), "an empty one"),
         ];
         for (bytes, rule) in rows {
-            let said = decoded(&bytes).unwrap_err();
-            assert!(said.starts_with("sky.hdr: ") && said.contains(rule), "{rule}: {said}");
+            let message = decoded(&bytes).unwrap_err();
+            assert!(
+                message.starts_with("sky.hdr: ") && message.contains(rule),
+                "{rule}: {message}"
+            );
         }
         let lines = "PRIMARIES= .64 .33 .29 .6 .15 .06 .333 .333\nPIXASPECT=2\n";
-        let said = Picture::remarks(&file(lines, "-Y 1 +X 2"), &Place::of("a")).unwrap();
-        assert!(said.len() == 2 && said[0].contains("primaries"), "{said:?}");
-        assert!(said[1].contains("0.5000 times as wide"), "{said:?}");
+        let message = Picture::remarks(&file(lines, "-Y 1 +X 2"), &Place::new("a")).unwrap();
+        assert!(message.len() == 2 && message[0].contains("primaries"), "{message:?}");
+        assert!(message[1].contains("0.5000 times as wide"), "{message:?}");
         let usual = "PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329\n";
-        assert!(Picture::remarks(&file(usual, "-Y 1 +X 2"), &Place::of("a")).unwrap().is_empty());
+        assert!(Picture::remarks(&file(usual, "-Y 1 +X 2"), &Place::new("a")).unwrap().is_empty());
     }
 
     #[test]
@@ -364,8 +367,8 @@ mod tests {
             (2, &[9, 0, 0, 136, 1, 1, 1, 2]),
             (2, &[[9, 0, 0, 136]; 1].concat()),
         ] {
-            let said = decoded(&row(width, pixels)).unwrap_err();
-            assert!(said.contains(&format!("row 0 does not have {width} pixels")), "{said}");
+            let message = decoded(&row(width, pixels)).unwrap_err();
+            assert!(message.contains(&format!("row 0 does not have {width} pixels")), "{message}");
         }
     }
 }

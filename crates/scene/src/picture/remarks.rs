@@ -10,7 +10,7 @@ use std::path::Path;
 use super::decode::{Format, header};
 use super::header::Header;
 use super::samples::{Picture, guarded};
-use super::usual::{is_srgb, of_aspect};
+use super::usual::{self, is_srgb};
 use super::{open_exr, radiance};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
@@ -25,22 +25,22 @@ impl Picture {
     /// What the file of these `bytes` says that [`Picture::decode`] does not do, a sentence each.
     ///
     /// # Errors
-    /// As [`Picture::size_of`].
+    /// As [`Picture::decode_size`].
     pub fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
-        match Format::of(bytes, place)? {
+        match Format::detect(bytes, place)? {
             Format::Exr => guarded(place, || open_exr::remarks(bytes, place)),
             Format::Radiance => guarded(place, || radiance::remarks(bytes, place)),
             Format::Png => {
                 let header = header(bytes, bytes.len(), place)?;
-                let mut said = Vec::from_iter(of_colors(&header));
-                said.extend(of_png(bytes, !said.is_empty()));
-                Ok(with_turn(said, &header))
+                let mut remarks = Vec::from_iter(color_remark(&header));
+                remarks.extend(png_remarks(bytes, !remarks.is_empty()));
+                Ok(with_turn(remarks, &header))
             }
             Format::Jpeg => {
                 let header = header(bytes, bytes.len(), place)?;
-                let mut said = Vec::from_iter(of_colors(&header));
-                said.extend(of_jfif(bytes));
-                Ok(with_turn(said, &header))
+                let mut remarks = Vec::from_iter(color_remark(&header));
+                remarks.extend(jfif_remark(bytes));
+                Ok(with_turn(remarks, &header))
             }
         }
     }
@@ -51,19 +51,19 @@ impl Picture {
     /// As [`Folder::read`] and [`Picture::remarks`].
     pub fn remarks_in(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<String>, SceneError> {
         let path = path.as_ref();
-        Self::remarks(&folder.read(path)?, &Place::of(folder.join(path)))
+        Self::remarks(&folder.read(path)?, &Place::new(folder.join(path)))
     }
 }
 
-fn with_turn(mut said: Vec<String>, header: &Header) -> Vec<String> {
-    said.extend(header.turn().map(|turn| {
+fn with_turn(mut remarks: Vec<String>, header: &Header) -> Vec<String> {
+    remarks.extend(header.turn().map(|turn| {
         format!("viewers turn it {turn}, as its Exif data say, and it is read as it is stored")
     }));
-    said
+    remarks
 }
 
 /// The colour profile, or what Exif data say in place of it.
-fn of_colors(header: &Header) -> Option<String> {
+fn color_remark(header: &Header) -> Option<String> {
     if let Some(profile) = &header.profile {
         let name = profile_name(profile).unwrap_or_default();
         let is_usual = name.to_lowercase().contains("srgb");
@@ -92,28 +92,30 @@ fn chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
 }
 
 /// What a PNG says beside its colour profile, of whose colours enough may be said.
-fn of_png(bytes: &[u8], has_said: bool) -> Vec<String> {
-    let find = |name: &[u8; 4]| chunks(bytes).find(|(own, _)| own == name).map(|(_, data)| data);
-    let number = |data: &[u8], at: usize| {
-        let bytes = data.get(4 * at..4 * at + 4)?;
+fn png_remarks(bytes: &[u8], has_said: bool) -> Vec<String> {
+    let find =
+        |name: &[u8; 4]| chunks(bytes).find(|(known, _)| known == name).map(|(_, data)| data);
+    let number = |data: &[u8], index: usize| {
+        let bytes = data.get(4 * index..4 * index + 4)?;
         Some(f64::from(u32::from_be_bytes(bytes.try_into().ok()?)))
     };
-    let mut said = Vec::new();
+    let mut remarks = Vec::new();
     if let Some(&[primaries, transfer, ..]) = find(b"cICP") {
         if [primaries, transfer] != [1, 13] {
-            said.push(format!(
+            remarks.push(format!(
                 "it says primaries {primaries} and transfer {transfer} (cICP), which is left out: {TAKEN}"
             ));
         }
     } else if !has_said && find(b"iCCP").is_none() && find(b"sRGB").is_none() {
         let gamma = find(b"gAMA").and_then(|data| number(data, 0)).map(|gamma| gamma / 1e5);
         if let Some(gamma) = gamma.filter(|gamma| (gamma - GAMMA).abs() > SAME_GAMMA) {
-            said.push(format!("it says gamma {gamma}, which is left out: {TAKEN}"));
+            remarks.push(format!("it says gamma {gamma}, which is left out: {TAKEN}"));
         }
         let colors = find(b"cHRM")
             .map(|data| std::array::from_fn(|k| number(data, k).unwrap_or_default() as f32 / 1e5));
         if colors.is_some_and(|colors| !is_srgb(colors)) {
-            said.push(format!("it says other primaries than sRGB's, which is left out: {TAKEN}"));
+            remarks
+                .push(format!("it says other primaries than sRGB's, which is left out: {TAKEN}"));
         }
     }
     if let Some(data) = find(b"pHYs")
@@ -122,34 +124,35 @@ fn of_png(bytes: &[u8], has_said: bool) -> Vec<String> {
         && y > 0.0
     {
         // So many pixels in a unit of length.
-        said.extend(of_aspect(y / x));
+        remarks.extend(usual::aspect_remark(y / x));
     }
     if find(b"acTL").is_some() {
-        said.push("it is an animation, of which the first image is read".to_owned());
+        remarks.push("it is an animation, of which the first image is read".to_owned());
     }
-    said
+    remarks
 }
 
 /// The shape of a JPEG's pixels, from the segment of JFIF that follows its first marker.
-fn of_jfif(bytes: &[u8]) -> Option<String> {
+fn jfif_remark(bytes: &[u8]) -> Option<String> {
     let segment = bytes.get(2..)?.strip_prefix(&[0xff, 0xe0])?;
     let fields = segment.get(2..)?.strip_prefix(b"JFIF\0")?;
     let &[_, _, _, x1, x0, y1, y0, ..] = fields else { return None };
     let [x, y] = [[x1, x0], [y1, y0]].map(|bytes| f64::from(u16::from_be_bytes(bytes)));
-    if x > 0.0 && y > 0.0 { of_aspect(y / x) } else { None }
+    if x > 0.0 && y > 0.0 { usual::aspect_remark(y / x) } else { None }
 }
 
 /// The name in a colour profile.
 fn profile_name(profile: &[u8]) -> Option<String> {
-    let number = |at: usize| {
-        Some(u32::from_be_bytes(profile.get(at..at.checked_add(4)?)?.try_into().ok()?) as usize)
+    let number = |offset: usize| {
+        Some(u32::from_be_bytes(profile.get(offset..offset.checked_add(4)?)?.try_into().ok()?)
+            as usize)
     };
     // After the header come how many tags there are, and of each its name, place and length.
     let tags = (0..number(128)?.min(100)).map(|k| 132 + 12 * k);
-    let tag = tags.into_iter().find(|&at| profile.get(at..at + 4) == Some(b"desc"))?;
-    let at = number(tag + 4)?;
-    let own = profile.get(at..at.checked_add(number(tag + 8)?)?)?;
-    let within = |from: usize, length: usize| own.get(from..from.checked_add(length)?);
+    let tag = tags.into_iter().find(|&offset| profile.get(offset..offset + 4) == Some(b"desc"))?;
+    let offset = number(tag + 4)?;
+    let tag_data = profile.get(offset..offset.checked_add(number(tag + 8)?)?)?;
+    let within = |from: usize, length: usize| tag_data.get(from..from.checked_add(length)?);
     let field = |from: usize| Some(u32::from_be_bytes(within(from, 4)?.try_into().ok()?) as usize);
     let text = match within(0, 4)? {
         b"desc" => String::from_utf8_lossy(within(12, field(8)?)?).into_owned(),
@@ -173,7 +176,7 @@ mod tests {
     fn png() -> Vec<u8> {
         let samples = Samples::U8(vec![1, 2, 3]);
         let picture = Picture { width: 1, height: 1, channels: 3, samples };
-        picture.encode_png(&Place::of("a")).unwrap()
+        picture.encode_png(&Place::new("a")).unwrap()
     }
 
     /// The PNG with further chunks after its header. Readers leave wrong checksums of such chunks to whoever
@@ -231,13 +234,13 @@ mod tests {
         [&head.concat()[..], profile, &(sum[1] << 16 | sum[0]).to_be_bytes()].concat()
     }
 
-    fn said(bytes: &[u8]) -> Vec<String> {
-        Picture::remarks(bytes, &Place::of("a.png")).unwrap()
+    fn remarks(bytes: &[u8]) -> Vec<String> {
+        Picture::remarks(bytes, &Place::new("a.png")).unwrap()
     }
 
     #[test]
     fn a_plain_image_and_one_of_srgb_say_nothing() {
-        assert!(said(&png()).is_empty());
+        assert!(remarks(&png()).is_empty());
         let numbers = [31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000_u32];
         let usual = numbers.map(u32::to_be_bytes).concat();
         let rows = [
@@ -254,8 +257,8 @@ mod tests {
         ];
         for chunks in rows {
             let bytes = with_chunks(&chunks);
-            assert!(Picture::decode(&bytes, &Place::of("a")).is_ok());
-            assert!(said(&bytes).is_empty(), "{:?}", said(&bytes));
+            assert!(Picture::decode(&bytes, &Place::new("a")).is_ok());
+            assert!(remarks(&bytes).is_empty(), "{:?}", remarks(&bytes));
         }
     }
 
@@ -274,7 +277,7 @@ mod tests {
         ];
         for (chunk, rule) in rows {
             let bytes = with_chunks(&[chunk]);
-            let all = said(&bytes);
+            let all = remarks(&bytes);
             assert!(all.len() == 1 && all[0].contains(rule), "{rule}: {all:?}");
         }
     }
@@ -305,7 +308,7 @@ mod tests {
             ]
             .concat();
             assert_eq!(Exif::new(&exif).unwrap().color_space(), Some(space as u16));
-            let all = said(&with_chunks(&[(b"eXIf", exif.clone())]));
+            let all = remarks(&with_chunks(&[(b"eXIf", exif.clone())]));
             assert_eq!(all.len(), usize::from(space != 1), "{all:?}");
             for length in 0..exif.len() {
                 let _ = Exif::new(&exif[..length]).and_then(Exif::color_space);

@@ -78,14 +78,14 @@ impl Picture {
         let expected = width.checked_mul(*height).and_then(|pixels| pixels.checked_mul(*channels));
         if !(1..=4).contains(channels) || expected == Some(0) {
             let rule = "an image has pixels, of one to four channels";
-            let found = format!("{rule}, and this is {width} x {height} of {channels}");
-            return Err(SceneError::content(place.clone(), found));
+            let message = format!("{rule}, and this is {width} x {height} of {channels}");
+            return Err(SceneError::content(place.clone(), message));
         }
         if expected != Some(self.samples.count()) {
             let rule =
                 format!("an image of {width} x {height} has {channels} samples for each pixel");
-            let found = format!("{rule}, and this has {} altogether", self.samples.count());
-            return Err(SceneError::content(place.clone(), found));
+            let message = format!("{rule}, and this has {} altogether", self.samples.count());
+            return Err(SceneError::content(place.clone(), message));
         }
         Ok(self)
     }
@@ -100,8 +100,8 @@ pub(super) fn check_size(
     place: &Place,
 ) -> Result<(), SceneError> {
     if width == 0 || height == 0 {
-        let found = format!("an image has pixels, and this is {width} x {height}");
-        return Err(SceneError::content(place.clone(), found));
+        let message = format!("an image has pixels, and this is {width} x {height}");
+        return Err(SceneError::content(place.clone(), message));
     }
     let found = width.saturating_mul(height).saturating_mul(channels);
     let place = place.clone();
@@ -153,7 +153,7 @@ pub(super) fn guarded<R>(
     let decoded = catch_unwind(AssertUnwindSafe(decode));
     IS_GUARDED.set(before);
     decoded.unwrap_or_else(|_| {
-        let found = "an image has a header and pixels that fit each other, and these don't";
-        Err(SceneError::content(place.clone(), found))
+        let message = "an image has a header and pixels that fit each other, and these don't";
+        Err(SceneError::content(place.clone(), message))
     })
 }

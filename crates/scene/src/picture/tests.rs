@@ -9,7 +9,7 @@ use exr::prelude::{
     Vec2, WritableImage as _, f16,
 };
 
-use super::decode::size_of_start;
+use super::decode::header_size;
 use super::*;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
@@ -17,7 +17,7 @@ use crate::folder::Folder;
 mod kinds;
 
 fn place() -> Place {
-    Place::of("scene/image")
+    Place::new("scene/image")
 }
 
 fn message(bytes: &[u8]) -> String {
@@ -77,7 +77,7 @@ fn a_png_holds_samples_of_each_width_and_number_of_channels() {
         let picture = numbered(channels);
         let bytes = picture.encode_png(&place()).unwrap();
         assert_eq!(Picture::decode(&bytes, &place()).unwrap(), picture);
-        assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [3, 2]);
+        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
         assert_eq!(bytes, picture.encode_png(&place()).unwrap());
         let wide = (0..6 * channels).map(|k| (k * 2551 + 1) as u16).collect();
         let picture = Picture { samples: Samples::U16(wide), ..picture };
@@ -116,7 +116,7 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
     let stored = Picture::decode(&jpeg(32, 16), &place()).unwrap();
     assert_eq!((stored.width, stored.height, stored.channels), (32, 16, 1));
     assert!((at(&stored, 8, 4) - 20.0).abs() < 4.0 && (at(&stored, 8, 28) - 230.0).abs() < 4.0);
-    assert_eq!(Picture::turn_of(&jpeg(32, 16), &place()).unwrap(), None);
+    assert_eq!(Picture::decode_turn(&jpeg(32, 16), &place()).unwrap(), None);
     // Where the dark half is once viewers turned it: (row, column), and a place in the light half.
     let rows = [
         (1, [32, 16], (8, 4), (8, 28)),
@@ -130,9 +130,9 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
     ];
     for (orientation, size, dark, light) in rows {
         let bytes = turned_jpeg(orientation);
-        assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [32, 16]);
+        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [32, 16]);
         assert_eq!(Picture::decode(&bytes, &place()).unwrap(), stored, "{orientation}");
-        let turn = Picture::turn_of(&bytes, &place()).unwrap();
+        let turn = Picture::decode_turn(&bytes, &place()).unwrap();
         assert_eq!(turn.map_or([32, 16], |turn| turn.size([32, 16])), size, "{orientation}");
         let upright = Picture::decode_upright(&bytes, &place()).unwrap();
         assert_eq!([upright.width, upright.height], size, "{orientation}");
@@ -145,17 +145,17 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
 
 #[test]
 fn an_image_of_another_size_is_refused_and_exif_data_are_named() {
-    let place = tempfile::tempdir().unwrap();
-    let folder = Folder::new(place.path()).unwrap();
-    std::fs::write(place.path().join("a.jpg"), turned_jpeg(6)).unwrap();
-    std::fs::write(place.path().join("b.jpg"), jpeg(32, 16)).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let folder = Folder::new(directory.path()).unwrap();
+    std::fs::write(directory.path().join("a.jpg"), turned_jpeg(6)).unwrap();
+    std::fs::write(directory.path().join("b.jpg"), jpeg(32, 16)).unwrap();
     assert!(Picture::read_sized(&folder, "a.jpg", [32, 16]).is_ok());
-    let said = Picture::read_sized(&folder, "a.jpg", [16, 32]).unwrap_err().to_string();
+    let message = Picture::read_sized(&folder, "a.jpg", [16, 32]).unwrap_err().to_string();
     let rule = "an image has the size of its camera, 16 x 32, and this is 32 x 16; viewers turn it by a \
         quarter to the right, as its Exif data say";
-    assert!(said.contains(rule), "{said}");
-    let said = Picture::read_sized(&folder, "b.jpg", [16, 32]).unwrap_err().to_string();
-    assert!(said.ends_with("16 x 32, and this is 32 x 16"), "{said}");
+    assert!(message.contains(rule), "{message}");
+    let message = Picture::read_sized(&folder, "b.jpg", [16, 32]).unwrap_err().to_string();
+    assert!(message.ends_with("16 x 32, and this is 32 x 16"), "{message}");
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn an_exr_holds_the_same_numbers() {
         let picture = Picture { width: 3, height: 2, channels, samples: Samples::F32(samples) };
         let bytes = picture.encode_exr(&place()).unwrap();
         assert_eq!(Picture::decode(&bytes, &place()).unwrap(), picture);
-        assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [3, 2]);
+        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
         assert_eq!(bytes, picture.encode_exr(&place()).unwrap());
     }
 }
@@ -202,7 +202,7 @@ fn the_display_window_of_an_exr_is_what_is_shown() {
         let samples = Samples::F32(expected.to_vec());
         let expected = Picture { width: 3, height: 2, channels: 1, samples };
         assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected, "{at:?}");
-        assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [3, 2]);
+        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
     }
 }
 
@@ -213,9 +213,9 @@ fn a_sample_that_is_not_finite_is_refused_with_its_pixel() {
         red[4] = value;
         let zeros = || FlatSamples::F32(vec![0.0; 6]);
         let channels = vec![("R", FlatSamples::F32(red)), ("G", zeros()), ("B", zeros())];
-        let said = message(&plain_exr(channels, (3, 2)));
+        let message = message(&plain_exr(channels, (3, 2)));
         let expected = format!("scene/image: samples are finite, and pixel (1, 1) has {value}");
-        assert_eq!(said, expected);
+        assert_eq!(message, expected);
         let picture =
             Picture { width: 1, height: 1, channels: 1, samples: Samples::F32(vec![value]) };
         assert!(picture.encode_exr(&place()).is_err());
@@ -256,8 +256,8 @@ fn each_compression_but_dwa_is_read() {
                 assert!((found - number).abs() <= tolerance, "{compression}: {found}, {number}");
             }
         }
-        let said = message(&file(Compression::DWAA(None), blocks));
-        assert!(said.contains("the compressions DWAA and DWAB are not read"), "{said}");
+        let message = message(&file(Compression::DWAA(None), blocks));
+        assert!(message.contains("the compressions DWAA and DWAB are not read"), "{message}");
     }
 }
 
@@ -284,7 +284,7 @@ fn all_numbers_of_a_byte_survive_the_way_to_light_and_back() {
     for space in [ColorSpace::Srgb, ColorSpace::Linear] {
         let light = picture.color(space);
         assert_eq!(**light.shape(), [4, 64, 3]);
-        let back = Picture::of_color(&light, space).unwrap();
+        let back = Picture::from_color(&light, space).unwrap();
         assert_eq!(back.channels, 3);
         let expected = (0..=255).flat_map(|byte| [byte; 3]).collect();
         assert_eq!(back.samples, Samples::U8(expected));
@@ -312,7 +312,7 @@ fn light_is_that_of_the_operation_on_the_tape() {
     }
     assert_eq!(light.data()[3 * 2621], (2621.0 / 65535.0 / 12.92) as f32);
     let light = Tensor::new([1, 1, 1], vec![0.0031_f32]).unwrap();
-    let back = Picture::of_light(&light, ColorSpace::Srgb, Depth::ThirtyTwo).unwrap();
+    let back = Picture::from_light(&light, ColorSpace::Srgb, Depth::ThirtyTwo).unwrap();
     assert_eq!(back.samples, Samples::F32(vec![(f64::from(0.0031_f32) * 12.92) as f32]));
     let light = picture.color(ColorSpace::Srgb);
     // Samples of 16 and 32 bits follow the same curve.
@@ -324,17 +324,17 @@ fn light_is_that_of_the_operation_on_the_tape() {
     assert_relative_eq!(light[[0, 1, 0]], 0.214_041_14, max_relative = 1e-6);
     assert_eq!(light[[0, 0, 0]], -light[[0, 1, 0]]);
     assert_relative_eq!(light[[0, 2, 0]], 4.953_848, max_relative = 1e-6);
-    assert_eq!(ColorSpace::of(&picture), ColorSpace::Linear);
-    assert_eq!(ColorSpace::of(&wide), ColorSpace::Srgb);
+    assert_eq!(ColorSpace::for_picture(&picture), ColorSpace::Linear);
+    assert_eq!(ColorSpace::for_picture(&wide), ColorSpace::Srgb);
 }
 
 #[test]
 fn colours_are_clamped_and_rounded_and_opacity_has_no_curve() {
     let light = Tensor::new([1, 2, 2], vec![-1.0, 0.5, 7.0, 0.25]).unwrap();
-    let picture = Picture::of_color(&light, ColorSpace::Srgb).unwrap();
+    let picture = Picture::from_color(&light, ColorSpace::Srgb).unwrap();
     assert_eq!(picture.samples, Samples::U8(vec![0, 128, 255, 64]));
     let nan = Tensor::new([1, 1], vec![f32::NAN]).unwrap();
-    let picture = Picture::of_color(&nan, ColorSpace::Srgb).unwrap();
+    let picture = Picture::from_color(&nan, ColorSpace::Srgb).unwrap();
     assert_eq!(picture.samples, Samples::U8(vec![0]));
 }
 
@@ -358,12 +358,12 @@ fn channels_are_told_apart() {
 fn tensors_that_are_no_images_are_refused() {
     for shape in [vec![3], vec![2, 2, 5], vec![0, 2, 3], vec![1, 2, 3, 1]] {
         let tensor = Tensor::<f32>::zeros(shape.as_slice());
-        let error = Picture::of_color(&tensor, ColorSpace::Srgb).unwrap_err();
+        let error = Picture::from_color(&tensor, ColorSpace::Srgb).unwrap_err();
         assert!(error.to_string().contains("one to four channels, got shape"), "{error}");
-        assert!(Picture::of_numbers(&tensor).is_err());
+        assert!(Picture::from_numbers(&tensor).is_err());
     }
     let numbers = Tensor::from_fn([2, 3], |[i, j]| (i * 3 + j) as f32);
-    let picture = Picture::of_numbers(&numbers).unwrap();
+    let picture = Picture::from_numbers(&numbers).unwrap();
     assert_eq!(picture.channel(0).unwrap(), numbers);
 }
 
@@ -377,7 +377,7 @@ fn files_that_are_no_images_are_refused_with_the_rule() {
     assert_eq!(message(b"RIFF\x10\0\0\0WEBPVP8 "), format!("{rule} a WebP"));
     assert_eq!(message(b"\0\0\0\x18ftypheic"), format!("{rule} a HEIC"));
     assert_eq!(message(b"\0\0\0\x1cftypavif"), format!("{rule} an AVIF"));
-    assert!(Picture::size_of(b"hello", &place()).is_err());
+    assert!(Picture::decode_size(b"hello", &place()).is_err());
     let exr = plain_exr(
         vec![("X", FlatSamples::F32(vec![0.0])), ("Z", FlatSamples::F32(vec![0.0]))],
         (1, 1),
@@ -391,8 +391,11 @@ fn files_that_are_no_images_are_refused_with_the_rule() {
     assert!(float.encode_png(&place()).is_err());
     assert!(numbered(3).encode_exr(&place()).is_err());
     let wrong = Picture { width: 4, ..numbered(3) };
-    let said = wrong.encode_png(&place()).unwrap_err().to_string();
-    assert!(said.contains("has 3 samples for each pixel, and this has 18 altogether"), "{said}");
+    let message = wrong.encode_png(&place()).unwrap_err().to_string();
+    assert!(
+        message.contains("has 3 samples for each pixel, and this has 18 altogether"),
+        "{message}"
+    );
 }
 
 /// The bytes with a new width and height in the header of a PNG, and its checksum.
@@ -420,14 +423,14 @@ fn a_header_that_claims_too_much_takes_no_memory() {
         let bytes = resized_png(&png, width, height);
         for error in [
             Picture::decode(&bytes, &place()).map(drop).unwrap_err(),
-            Picture::size_of(&bytes, &place()).map(drop).unwrap_err(),
+            Picture::decode_size(&bytes, &place()).map(drop).unwrap_err(),
         ] {
             assert!(matches!(error, SceneError::TooLarge { .. }), "{error}");
         }
     }
     // Fewer than the most samples, and still more than the file can have.
-    let said = message(&resized_png(&png, 8000, 8000));
-    assert!(said.contains("8000 x 8000 needs more bytes than its file has"), "{said}");
+    let dense = message(&resized_png(&png, 8000, 8000));
+    assert!(dense.contains("8000 x 8000 needs more bytes than its file has"), "{dense}");
     assert!(message(&resized_png(&png, 0, 1)).contains("an image has pixels, and this is 0 x 1"));
 
     let mut large = jpeg(32, 16);
@@ -447,15 +450,15 @@ fn a_header_that_claims_too_much_takes_no_memory() {
             bytes[from..from + 16].copy_from_slice(&ends);
         }
         let error = Picture::decode(&bytes, &place()).unwrap_err();
-        let said = error.to_string();
+        let message = error.to_string();
         let is_too_large = matches!(error, SceneError::TooLarge { .. });
         // The library counts blocks of 16 rows, and one is there.
-        let is_too_large = is_too_large || said.contains("chunk count not matching");
+        let is_too_large = is_too_large || message.contains("chunk count not matching");
         assert!(
-            is_too_large && size.1 > 16 || said.contains("needs more bytes than its file has"),
-            "{said}"
+            is_too_large && size.1 > 16 || message.contains("needs more bytes than its file has"),
+            "{message}"
         );
-        assert!(Picture::size_of(&bytes, &place()).is_err());
+        assert!(Picture::decode_size(&bytes, &place()).is_err());
     }
 }
 
@@ -496,7 +499,7 @@ fn files_that_are_cut_short_are_refused_at_each_length() {
                 assert!(file.starts_with(b"\x89PNG") && file.len() - length <= 16, "{length}");
                 assert_eq!(picture, whole);
             }
-            let _ = Picture::size_of(&file[..length], &place());
+            let _ = Picture::decode_size(&file[..length], &place());
         }
     }
 }
@@ -511,9 +514,9 @@ fn late_exif(before: &[u8]) -> Vec<u8> {
 fn the_start_of_a_file_has_the_size_of_the_whole_or_none() {
     let [png, _, exr, _] = small_files();
     for file in [png, turned_jpeg(6), late_exif(&[0xff, 0xfe, 0, 4, 1, 2]), exr] {
-        let whole = Picture::size_of(&file, &place()).unwrap();
+        let whole = Picture::decode_size(&file, &place()).unwrap();
         let sizes = (0..file.len())
-            .filter_map(|length| size_of_start(&file[..length], file.len(), &place()).ok());
+            .filter_map(|length| header_size(&file[..length], file.len(), &place()).ok());
         let sizes: Vec<_> = sizes.collect();
         assert!(
             !sizes.is_empty() && sizes.iter().all(|size| *size == whole),
@@ -524,20 +527,20 @@ fn the_start_of_a_file_has_the_size_of_the_whole_or_none() {
 
 #[test]
 fn the_size_of_a_file_is_found_however_long_its_header() {
-    let place = tempfile::tempdir().unwrap();
-    let folder = Folder::new(place.path()).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let folder = Folder::new(directory.path()).unwrap();
     // Comments of 60,000 bytes: the third lies beyond what is read at first.
     let comment = [&[0xff, 0xfe, 0xea, 0x62][..], &[7; 60_000]].concat();
     for count in 0..4 {
         let file = late_exif(&comment.repeat(count));
-        std::fs::write(place.path().join("a.jpg"), &file).unwrap();
-        assert_eq!(Picture::size_in(&folder, "a.jpg").unwrap(), [32, 16], "{count}");
+        std::fs::write(directory.path().join("a.jpg"), &file).unwrap();
+        assert_eq!(Picture::read_size(&folder, "a.jpg").unwrap(), [32, 16], "{count}");
     }
     // A header is enough: what follows is read when its turn comes.
     let long = [&small_files()[0][..], &vec![0; 1 << 20]].concat();
-    std::fs::write(place.path().join("a.png"), &long).unwrap();
-    assert_eq!(Picture::size_in(&folder, "a.png").unwrap(), [3, 2]);
-    let error = Picture::size_in(&folder, "b.png").unwrap_err();
+    std::fs::write(directory.path().join("a.png"), &long).unwrap();
+    assert_eq!(Picture::read_size(&folder, "a.png").unwrap(), [3, 2]);
+    let error = Picture::read_size(&folder, "b.png").unwrap_err();
     assert!(error.to_string().contains("b.png could not be read"), "{error}");
 }
 
@@ -550,11 +553,11 @@ fn files_with_a_wrong_byte_have_an_answer() {
                 bytes[at] = value;
                 if let Ok(picture) = Picture::decode(&bytes, &place()) {
                     assert!(picture.checked(&place()).is_ok());
-                    let size = Picture::size_of(&bytes, &place()).unwrap();
+                    let size = Picture::decode_size(&bytes, &place()).unwrap();
                     assert_eq!(size, [picture.width, picture.height]);
                     assert!(Picture::remarks(&bytes, &place()).is_ok());
                     assert!(Picture::decode_upright(&bytes, &place()).is_ok());
-                    if let Ok(mask) = Mask::of(&picture, &place()) {
+                    if let Ok(mask) = Mask::from_picture(&picture, &place()) {
                         assert!(mask.share.data().iter().all(|x| (0.0..=1.0).contains(x)));
                     }
                 }

@@ -71,7 +71,7 @@ impl Picture {
     /// As [`Folder::read`] and [`Picture::decode`].
     pub fn read(folder: &Folder, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        Self::decode(&folder.read(path)?, &Place::of(folder.join(path)))
+        Self::decode(&folder.read(path)?, &Place::new(folder.join(path)))
     }
 
     /// The image of a file whose camera has images of this size, as it is stored.
@@ -87,20 +87,20 @@ impl Picture {
         [width, height]: [usize; 2],
     ) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        let (bytes, place) = (folder.read(path)?, Place::of(folder.join(path)));
+        let (bytes, place) = (folder.read(path)?, Place::new(folder.join(path)));
         let picture = Self::decode(&bytes, &place)?;
         if [picture.width, picture.height] == [width, height] {
             return Ok(picture);
         }
         let rule = format!("an image has the size of its camera, {width} x {height}");
-        let mut said = format!("{rule}, and this is {} x {}", picture.width, picture.height);
-        if let Some(turn) = Self::turn_of(&bytes, &place)? {
-            said += &format!(
+        let mut message = format!("{rule}, and this is {} x {}", picture.width, picture.height);
+        if let Some(turn) = Self::decode_turn(&bytes, &place)? {
+            message += &format!(
                 "; viewers turn it {turn}, as its Exif data say, and cameras are those of the \
                  pixels as they are stored"
             );
         }
-        Err(SceneError::content(place, said))
+        Err(SceneError::content(place, message))
     }
 }
 

@@ -10,11 +10,11 @@ const SAME: f32 = 2e-3;
 
 /// Whether these are sRGB's white, red, green and blue.
 pub(super) fn is_srgb(found: [f32; 8]) -> bool {
-    found.iter().zip(SRGB).all(|(found, own)| (found - own).abs() <= SAME)
+    found.iter().zip(SRGB).all(|(found, usual)| (found - usual).abs() <= SAME)
 }
 
 /// What is said of pixels that are no squares: so many times as wide as they are high.
-pub(super) fn of_aspect(aspect: f64) -> Option<String> {
+pub(super) fn aspect_remark(aspect: f64) -> Option<String> {
     ((aspect - 1.0).abs() > 1e-3).then(|| {
         format!("its pixels are {aspect:.4} times as wide as high, and are taken as squares")
     })

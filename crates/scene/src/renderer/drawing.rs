@@ -17,7 +17,7 @@ use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
 use super::normals::{MotionContext, Normals, VertexNormals};
 use super::parts::Parts;
 use super::view_camera::ViewCamera;
-use crate::description::{CullName, Silhouettes as SilhouettesName, SurfaceModel, Tone};
+use crate::description::{CullName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::learnables::{
     APERTURE, BLUR, EXPOSURE, FOCUS, Frame, Learnable, Moves, Recorded, TABLE, Values,

@@ -200,12 +200,12 @@ fn where_vertices_are_learnt_tangents_follow_from_coordinates() {
     let bytes = [180, 90, 230];
     let [x, y, z] = bytes.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
     let model = walls_with_tangents(bytes, &[(1, DMat4::IDENTITY)]);
-    let of = |meshes: &str| {
+    let rendered = |meshes: &str| {
         let learnt = image(&model, &format!("{LIGHT}[learn.vertices]\n{meshes}"));
         seen(&learnt, 0.0, 0.0)
     };
-    assert_abs_diff_eq!(of(""), lit(DVec3::new(x, y, z)), epsilon = 1e-6);
-    assert_abs_diff_eq!(of("meshes = []\n"), lit(DVec3::new(-y, x, z)), epsilon = 1e-6);
+    assert_abs_diff_eq!(rendered(""), lit(DVec3::new(x, y, z)), epsilon = 1e-6);
+    assert_abs_diff_eq!(rendered("meshes = []\n"), lit(DVec3::new(-y, x, z)), epsilon = 1e-6);
 }
 
 #[test]

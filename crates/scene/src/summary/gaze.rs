@@ -18,8 +18,8 @@ pub fn share_seen(object: &Object, camera: &Camera) -> f64 {
     let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
     let pixels = camera.pixels();
     let is_seen = |place: DVec3| {
-        pixels(place).is_some_and(|at| {
-            (-HALF..width - HALF).contains(&at.x) && (-HALF..height - HALF).contains(&at.y)
+        pixels(place).is_some_and(|pixel| {
+            (-HALF..width - HALF).contains(&pixel.x) && (-HALF..height - HALF).contains(&pixel.y)
         })
     };
     let all = object.places.iter();
@@ -44,9 +44,9 @@ pub fn gaze(cameras: &[Camera]) -> Option<(DVec3, f64)> {
         let pose = camera.opencv_pose();
         let along = pose.z_axis.truncate().normalize_or_zero();
         let outer = DMat3::from_cols(along * along.x, along * along.y, along * along.z);
-        let own = DMat3::IDENTITY - outer;
-        across += own;
-        sum += own * pose.w_axis.truncate();
+        let projection = DMat3::IDENTITY - outer;
+        across += projection;
+        sum += projection * pose.w_axis.truncate();
     }
     // The product of three numbers from 0 to 1, of which two are large wherever the third is small.
     if (across * (1.0 / count)).determinant() < LEAST_SPREAD {
@@ -106,9 +106,9 @@ mod tests {
 
     #[test]
     fn what_lies_beside_or_behind_is_not_seen() {
-        let own = camera(DVec3::new(0.0, 0.0, 10.0), DVec3::ZERO);
+        let camera_in_front = camera(DVec3::new(0.0, 0.0, 10.0), DVec3::ZERO);
         let share = |x: f64, z: f64| {
-            share_seen(&cube(DMat4::from_translation(DVec3::new(x, 0.0, z))), &own)
+            share_seen(&cube(DMat4::from_translation(DVec3::new(x, 0.0, z))), &camera_in_front)
         };
         assert_eq!(share(0.0, 0.0), 1.0);
         assert_eq!(share(0.0, 20.0), 0.0);
@@ -116,7 +116,7 @@ mod tests {
         // The image ends at x = 9 for the front of the cube, and at x = 11 for its back.
         assert_eq!(share(9.9, 0.0), 0.75);
         let empty = Object { places: vec![], ..cube(DMat4::IDENTITY) };
-        assert_eq!(share_seen(&empty, &own), 0.0);
+        assert_eq!(share_seen(&empty, &camera_in_front), 0.0);
     }
 
     #[test]
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(gaze(&[]), None);
         assert_eq!(gaze(&[along]), None);
         assert_eq!(gaze(&[along, beside]), None, "parallel");
-        let away = [DVec3::X, DVec3::Z].map(|at| camera(at, 2.0 * at));
+        let away = [DVec3::X, DVec3::Z].map(|eye| camera(eye, 2.0 * eye));
         assert_eq!(gaze(&away), None, "back to back");
     }
 }

@@ -27,7 +27,7 @@ const MOST_WORDS: usize = 64;
 /// [`SceneError::Content`] for an extension that no mesh has.
 pub fn named_files(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<PathBuf>, SceneError> {
     let path = path.as_ref();
-    let kind = MeshKind::of(path)?;
+    let kind = MeshKind::from_path(path)?;
     let bytes = folder.read(path)?;
     let beside = path.parent().unwrap_or(Path::new(""));
     let mut found = Found { folder, files: BTreeSet::new() };
@@ -139,7 +139,7 @@ fn uris(bytes: &[u8]) -> Vec<String> {
     };
     let Ok(root) = serde_json::from_slice::<Value>(text) else { return Vec::new() };
     let lists = ["buffers", "images"].map(|list| root[list].as_array().cloned());
-    let uris = lists.iter().flatten().flatten().filter_map(|own| own["uri"].as_str());
+    let uris = lists.iter().flatten().flatten().filter_map(|list| list["uri"].as_str());
     uris.filter(|uri| !uri.starts_with("data:")).map(str::to_owned).collect()
 }
 
@@ -150,13 +150,13 @@ mod tests {
     use super::*;
 
     fn named(files: &[(&str, &[u8])], path: &str) -> Result<Vec<String>, SceneError> {
-        let place = tempfile::tempdir().unwrap();
+        let directory = tempfile::tempdir().unwrap();
         for (name, bytes) in files {
-            let file = place.path().join(name);
+            let file = directory.path().join(name);
             fs::create_dir_all(file.parent().unwrap()).unwrap();
             fs::write(file, bytes).unwrap();
         }
-        let folder = Folder::new(place.path().join("scene")).unwrap();
+        let folder = Folder::new(directory.path().join("scene")).unwrap();
         let found = named_files(&folder, path)?;
         Ok(found.iter().map(|path| path.to_string_lossy().replace('\\', "/")).collect())
     }

@@ -33,28 +33,28 @@ impl<'s> Seen<'s> {
             for (at, variant) in node[key].as_array().into_iter().flatten().enumerate() {
                 // Of variants with a tag only those that it names.
                 let kind = &variant["properties"]["kind"]["const"];
-                let is_own = |own: &&&Shown| match kind.as_str() {
-                    Some(kind) => own.get("kind").and_then(Shown::as_str) == Some(kind),
+                let is_own = |value: &&&Shown| match kind.as_str() {
+                    Some(kind) => value.get("kind").and_then(Shown::as_str) == Some(kind),
                     None => true,
                 };
-                let own: Vec<_> = shown.iter().filter(is_own).copied().collect();
+                let value: Vec<_> = shown.iter().filter(is_own).copied().collect();
                 let name = match kind.as_str() {
                     Some(kind) => kind,
                     None if at == 0 => name,
                     None => "",
                 };
-                self.follow(root, name, variant, own);
+                self.follow(root, name, variant, value);
             }
         }
         if node["items"].is_object() {
-            let items = shown.iter().filter_map(|own| own.as_array()).flatten().collect();
+            let items = shown.iter().filter_map(|value| value.as_array()).flatten().collect();
             return self.follow(root, name, &node["items"], items);
         }
         let Some(properties) = node["properties"].as_object() else { return };
         self.0.entry(name).or_insert((node, Vec::new())).1.extend(&shown);
         for (key, below) in properties {
-            let own = shown.iter().filter_map(|own| own.get(key)).collect();
-            self.follow(root, name, below, own);
+            let value = shown.iter().filter_map(|value| value.get(key)).collect();
+            self.follow(root, name, below, value);
         }
     }
 }
@@ -65,7 +65,7 @@ fn missing(schema: &Value, blocks: &[Shown]) -> Vec<String> {
     seen.follow(schema, "", schema, blocks.iter().collect());
     let keys = seen.0.iter().flat_map(|(name, (node, shown))| {
         let keys = node["properties"].as_object().unwrap().keys();
-        let lacks = |key: &&String| shown.iter().all(|own| own.get(key.as_str()).is_none());
+        let lacks = |key: &&String| shown.iter().all(|value| value.get(key.as_str()).is_none());
         keys.filter(lacks).map(move |key| format!("{name}.{key}"))
     });
     keys.collect()
@@ -179,16 +179,18 @@ fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
             }
             "items" => {
                 let list = value.as_array().into_iter().flatten().enumerate();
-                list.flat_map(|(k, own)| faults(root, rule, own, &format!("{at}[{k}]"))).collect()
+                list.flat_map(|(k, value)| faults(root, rule, value, &format!("{at}[{k}]")))
+                    .collect()
             }
             "properties" | "additionalProperties" => {
-                let own = value.as_object().into_iter().flatten();
-                own.flat_map(|(key, own)| match (&node["properties"][key], word.as_str()) {
-                    (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
-                    (Value::Null, _) | (_, "additionalProperties") => vec![],
-                    (below, _) => faults(root, below, own, &format!("{at}.{key}")),
-                })
-                .collect()
+                let value = value.as_object().into_iter().flatten();
+                value
+                    .flat_map(|(key, value)| match (&node["properties"][key], word.as_str()) {
+                        (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
+                        (Value::Null, _) | (_, "additionalProperties") => vec![],
+                        (below, _) => faults(root, below, value, &format!("{at}.{key}")),
+                    })
+                    .collect()
             }
             "required" => {
                 let keys = all("required");
@@ -196,9 +198,9 @@ fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
                     |key: &&Value| value.is_object() && value[key.as_str().unwrap()].is_null();
                 keys.iter().filter(lacks).flat_map(|key| wrong(&format!("without {key}"))).collect()
             }
-            "allOf" => all(word).iter().flat_map(|own| faults(root, own, value, at)).collect(),
+            "allOf" => all(word).iter().flat_map(|value| faults(root, value, value, at)).collect(),
             "anyOf" | "oneOf" => {
-                let fits = |own: &&Value| faults(root, own, value, at).is_empty();
+                let fits = |value: &&Value| faults(root, value, value, at).is_empty();
                 match all(word).iter().filter(fits).count() {
                     1 => vec![],
                     2.. if word == "anyOf" => vec![],

@@ -253,8 +253,8 @@ rates = 0.3
 fn two_balls(folder: &Path, photo: &Tensor<f32>, pipeline: &str) -> Scene {
     // Light before black.
     let seen = Tensor::from_flat_fn([photo.shape()[0], photo.shape()[1], 3], |k| photo.data()[k]);
-    let picture = Picture::of_color(&seen, ColorSpace::Srgb).unwrap();
-    fs::write(folder.join("photo.png"), picture.encode_png(&Place::of("photo.png")).unwrap())
+    let picture = Picture::from_color(&seen, ColorSpace::Srgb).unwrap();
+    fs::write(folder.join("photo.png"), picture.encode_png(&Place::new("photo.png")).unwrap())
         .unwrap();
     let text = format!(
         r#"

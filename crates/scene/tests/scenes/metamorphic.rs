@@ -14,10 +14,13 @@ struct Learnt {
 }
 
 impl Learnt {
-    fn of(scene: Scene) -> Self {
+    fn new(scene: Scene) -> Self {
         let mut fit = SceneFit::new(scene).unwrap();
         let losses = std::iter::from_fn(|| fit.step().unwrap()).map(|step| step.loss).collect();
-        let own = fit.parameters().iter().map(|own| (own.name().to_owned(), own.value()));
+        let own = fit
+            .parameters()
+            .iter()
+            .map(|parameter| (parameter.name().to_owned(), parameter.value()));
         Self { losses, parameters: own.collect() }
     }
 
@@ -56,8 +59,8 @@ fn picture(file: &Path, view: usize, pixels: usize, reduce: usize) {
             .map(|k| number(reduce * x + k % reduce, reduce * y + k / reduce, c));
         all.sum::<f32>() / (reduce * reduce) as f32
     });
-    let place = Place::of(file);
-    fs::write(file, Picture::of_numbers(&image).unwrap().encode_exr(&place).unwrap()).unwrap();
+    let place = Place::new(file);
+    fs::write(file, Picture::from_numbers(&image).unwrap().encode_exr(&place).unwrap()).unwrap();
 }
 
 /// Where the cameras stand, in units of the scene.
@@ -131,14 +134,14 @@ fn in_unit(folder: &Path, k: f64, smoothing: &str) -> Scene {
 
 #[test]
 fn a_scene_in_another_unit_learns_the_same() {
-    let place = tempfile::tempdir().unwrap();
+    let directory = tempfile::tempdir().unwrap();
     for smoothing in ["", "smoothing = 4.0\n"] {
-        let scene = in_unit(place.path(), 1.0, smoothing);
+        let scene = in_unit(directory.path(), 1.0, smoothing);
         let starts = [numbers(&scene.objects[0].positions), vec![2.0, 3.0, 4.0]];
-        let expected = Learnt::of(scene);
+        let expected = Learnt::new(scene);
         // Powers of two: numbers of all lengths have other exponents and the same digits.
         for k in [4.0, 0.125] {
-            let found = Learnt::of(in_unit(place.path(), k, smoothing));
+            let found = Learnt::new(in_unit(directory.path(), k, smoothing));
             assert_eq!(found.losses[0], expected.losses[0], "to the bit, in 1/{k} of the unit");
             let back = |name: &str| -> Vec<f64> {
                 numbers(found.get(name)).iter().map(|x| x / k).collect()
@@ -164,8 +167,8 @@ fn a_scene_in_another_unit_learns_the_same() {
 
 #[test]
 fn a_stage_of_smaller_images_learns_as_a_scene_of_smaller_images() {
-    let place = tempfile::tempdir().unwrap();
-    octahedron(place.path(), 1.0);
+    let directory = tempfile::tempdir().unwrap();
+    octahedron(directory.path(), 1.0);
     let scene = |stage: usize, file: usize| {
         // Blurs are in pixels.
         let text = format!(
@@ -176,10 +179,10 @@ fn a_stage_of_smaller_images_learns_as_a_scene_of_smaller_images() {
             4.0 / file as f64,
             2.0 / file as f64,
         );
-        load(place.path(), &(text + &views(place.path(), [0, 1, 2, 3], 1.0, file)))
+        load(directory.path(), &(text + &views(directory.path(), [0, 1, 2, 3], 1.0, file)))
     };
     for reduce in [2, 4] {
-        let (found, expected) = (Learnt::of(scene(reduce, 1)), Learnt::of(scene(1, reduce)));
+        let (found, expected) = (Learnt::new(scene(reduce, 1)), Learnt::new(scene(1, reduce)));
         for (found, expected) in found.losses.iter().zip(&expected.losses) {
             assert!((found / expected - 1.0).abs() < 1e-5, "{reduce}: {found}, {expected}");
         }
@@ -192,23 +195,23 @@ fn a_stage_of_smaller_images_learns_as_a_scene_of_smaller_images() {
 
 #[test]
 fn views_in_another_order_learn_the_same() {
-    let place = tempfile::tempdir().unwrap();
-    octahedron(place.path(), 1.0);
+    let directory = tempfile::tempdir().unwrap();
+    octahedron(directory.path(), 1.0);
     let scene = |order: [usize; 4]| {
         let text = "[[meshes]]\nfile = \"octahedron.obj\"\n[pipeline]\ntone = \"linear\"\n\
              [learn.vertices]\n[learn.cameras]\n[learn.texture]\n\
              [stop]\nsteps = 10\nviews_per_step = 3\n";
         // One of them is held out, and the others are seen in each step: draws of steps are by place in the list.
         let held_out = "name = \"2\"\n";
-        let views = views(place.path(), order, 1.0, 1)
+        let views = views(directory.path(), order, 1.0, 1)
             .replace(held_out, &format!("{held_out}held_out = true\n"));
-        load(place.path(), &(text.to_owned() + &views))
+        load(directory.path(), &(text.to_owned() + &views))
     };
-    let expected = Learnt::of(scene([0, 1, 2, 3]));
+    let expected = Learnt::new(scene([0, 1, 2, 3]));
     let still: Vec<_> = numbers(expected.get("cameras"))[12..18].to_vec();
     assert_eq!(still, [0.0; 6], "a camera that is held out");
     for order in [[3, 1, 0, 2], [2, 3, 1, 0]] {
-        let found = Learnt::of(scene(order));
+        let found = Learnt::new(scene(order));
         for (found, expected) in found.losses.iter().zip(&expected.losses) {
             assert!((found / expected - 1.0).abs() < 1e-5, "{found}, {expected}");
         }
@@ -224,14 +227,17 @@ fn views_in_another_order_learn_the_same() {
 
 #[test]
 fn instances_learn_as_meshes_of_their_own() {
-    let place = tempfile::tempdir().unwrap();
-    octahedron(place.path(), 1.0);
+    let directory = tempfile::tempdir().unwrap();
+    octahedron(directory.path(), 1.0);
     let scene = |meshes: &str| {
         let text = "[pipeline]\nsurface = \"lambert\"\ntone = \"linear\"\n\
              [[lights]]\nkind = \"directional\"\ndirection = [1, 2, 1]\ncolor = [2, 2, 2]\n\
              [learn.cameras]\n[learn.intrinsics]\n[learn.lights]\n[learn.light_places]\n[learn.exposure]\n\
              [stop]\nsteps = 10\nviews_per_step = 4\n";
-        load(place.path(), &(meshes.to_owned() + text + &views(place.path(), [0, 1, 2, 3], 1.0, 1)))
+        load(
+            directory.path(),
+            &(meshes.to_owned() + text + &views(directory.path(), [0, 1, 2, 3], 1.0, 1)),
+        )
     };
     let file = "[[meshes]]\nfile = \"octahedron.obj\"\n";
     let whole = "place = { scale = 0.5, translation = [0.5, 0, 0] }\n";
@@ -243,7 +249,7 @@ fn instances_learn_as_meshes_of_their_own() {
     let meshes = format!(
         "{file}{whole}name = \"a\"\n{file}{whole}name = \"b\"\n{file}{second}name = \"c\"\n"
     );
-    let (found, expected) = (Learnt::of(scene(&instances)), Learnt::of(scene(&meshes)));
+    let (found, expected) = (Learnt::new(scene(&instances)), Learnt::new(scene(&meshes)));
     for (found, expected) in found.losses.iter().zip(&expected.losses) {
         assert!((found / expected - 1.0).abs() < 1e-5, "{found}, {expected}");
     }
@@ -261,9 +267,9 @@ fn instances_learn_as_meshes_of_their_own() {
 
 #[test]
 fn each_so_many_th_view_of_a_file_is_held_out_the_first_among_them() {
-    let place = tempfile::tempdir().unwrap();
+    let directory = tempfile::tempdir().unwrap();
     let frame = |view: usize| {
-        picture(&place.path().join(format!("{view}.exr")), view % 4, 8, 1);
+        picture(&directory.path().join(format!("{view}.exr")), view % 4, 8, 1);
         format!(
             "{{\"file_path\": \"{view}.exr\", \
              \"transform_matrix\": [[1,0,0,{view}],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}}"
@@ -274,11 +280,11 @@ fn each_so_many_th_view_of_a_file_is_held_out_the_first_among_them() {
         "{{\"camera_angle_x\": 0.7, \"w\": 8, \"h\": 8, \"frames\": [{}]}}",
         frames.join(",")
     );
-    fs::write(place.path().join("transforms.json"), text).unwrap();
+    fs::write(directory.path().join("transforms.json"), text).unwrap();
     for (every, expected) in [(1, vec![0, 1, 2, 3, 4, 5, 6]), (3, vec![0, 3, 6]), (8, vec![0])] {
         let text =
             format!("[cameras]\ntransforms = \"transforms.json\"\nheld_out_every = {every}\n");
-        let scene = load(place.path(), &text);
+        let scene = load(directory.path(), &text);
         let held_out = scene.views.iter().filter(|view| view.held_out);
         let names: Vec<_> = held_out.map(|view| view.name.clone()).collect();
         assert_eq!(names, expected.iter().map(ToString::to_string).collect::<Vec<_>>());

@@ -42,7 +42,7 @@ fn picture(is_float: bool) -> Picture {
 }
 
 fn png(folder: &Path) {
-    let place = Place::of("a.png");
+    let place = Place::new("a.png");
     fs::write(folder.join("a.png"), picture(false).encode_png(&place).unwrap()).unwrap();
 }
 
@@ -111,7 +111,7 @@ steps = 6
 fn images_with_opacity_stand_before_the_background() {
     let folder = tempfile::tempdir().unwrap();
     png(folder.path());
-    let exr = picture(true).encode_exr(&Place::of("b.exr")).unwrap();
+    let exr = picture(true).encode_exr(&Place::new("b.exr")).unwrap();
     fs::write(folder.path().join("b.exr"), exr).unwrap();
     let camera = "camera = { position = [0, 0, 4], angle = 40 }";
     let text = format!(
@@ -156,7 +156,7 @@ fn a_mask_of_its_own_goes_before_the_opacity_of_the_image() {
     let [width, height] = SIZE;
     let white =
         Picture { width, height, channels: 1, samples: Samples::U8(vec![255; width * height]) };
-    let bytes = white.encode_png(&Place::of("m.png")).unwrap();
+    let bytes = white.encode_png(&Place::new("m.png")).unwrap();
     fs::write(folder.path().join("m.png"), bytes).unwrap();
     let text = "[[meshes]]\nshape = \"sphere\"\nmaterial = { base_color = [1, 1, 1] }\n\
         [[views]]\nimage = \"a.png\"\nmask = \"m.png\"\ncamera = { position = [0, 0, 6], angle = 40 }\n\
@@ -177,7 +177,7 @@ fn masks_have_the_names_of_their_images_or_end_in_png() {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     };
-    write("images/b.exr", &picture(true).encode_exr(&Place::of("b.exr")).unwrap());
+    write("images/b.exr", &picture(true).encode_exr(&Place::new("b.exr")).unwrap());
     let pose = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]";
     let frame = format!("{{\"file_path\": \"images/b.exr\", \"transform_matrix\": {pose}}}");
     write("transforms.json", format!("{{\"fl_x\": 30, \"frames\": [{frame}]}}").as_bytes());
@@ -191,8 +191,8 @@ fn masks_have_the_names_of_their_images_or_end_in_png() {
 
 #[test]
 fn an_environment_is_a_panorama_or_six_faces() {
-    let place = tempfile::tempdir().unwrap();
-    let write = |name: &str, bytes: &[u8]| fs::write(place.path().join(name), bytes).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(directory.path().join(name), bytes).unwrap();
     // A pixel is a byte times 2^(e - 136): 2 above the horizon, 1/4 below it.
     let pixels = (0..64 * 32).map(|k| [128, 128, 128, if k / 64 < 16 { 130 } else { 127 }]);
     let pixels: Vec<[u8; 4]> = pixels.collect();
@@ -205,14 +205,14 @@ fn an_environment_is_a_panorama_or_six_faces() {
     let exr = |width: usize, height: usize| {
         let samples = Samples::F32(vec![1.0; width * height * 3]);
         let picture = Picture { width, height, channels: 3, samples };
-        picture.encode_exr(&Place::of("sky.exr")).unwrap()
+        picture.encode_exr(&Place::new("sky.exr")).unwrap()
     };
     write("sky.exr", &exr(64, 32));
     write("faces.exr", &exr(8, 48));
     write("cross.exr", &exr(32, 24));
     let load = |text: &str| {
-        fs::write(place.path().join("scene.toml"), format!("[environment]\n{text}\n")).unwrap();
-        Scene::load(place.path().join("scene.toml")).map_err(|error| error.to_string())
+        fs::write(directory.path().join("scene.toml"), format!("[environment]\n{text}\n")).unwrap();
+        Scene::load(directory.path().join("scene.toml")).map_err(|error| error.to_string())
     };
     for (text, side, above, below) in [
         ("image = \"sky.hdr\"", 16, 2.0, 0.25),
@@ -234,8 +234,8 @@ fn an_environment_is_a_panorama_or_six_faces() {
         ("image = \"sky.hdr\"\nsize = 24", "a power of two from 8 to 256, and this is 24"),
         ("image = \"sky.hdr\"\ncolor = [1, 1, 1]", "either `image` or `color`"),
     ] {
-        let said = load(text).unwrap_err();
-        assert!(said.contains(rule), "{text}: {said}");
+        let message = load(text).unwrap_err();
+        assert!(message.contains(rule), "{text}: {message}");
     }
 }
 
@@ -422,15 +422,18 @@ fn every_kind_of_lens_is_learnt_and_drawn_again() {
         let last = fit.seen(0).unwrap().image;
         let learnt = fit.learnt().unwrap();
         let coefficients = learnt.views[1].camera.distortion;
-        assert!(coefficients.coefficients().iter().all(|&own| own != 0.0), "{coefficients:?}");
+        assert!(
+            coefficients.coefficients().iter().all(|&coefficient| coefficient != 0.0),
+            "{coefficients:?}"
+        );
         let again = SceneFit::new(learnt).unwrap().seen(0).unwrap().image;
         let [moved, off] = [furthest(&first, &last), furthest(&again, &last)];
         assert!(moved > 5e-3 && off < 1e-4, "{lens}: moved {moved}, off {off}");
     }
-    let said = SceneFit::new(load(folder.path(), &head(lenses))).err().unwrap().to_string();
+    let message = SceneFit::new(load(folder.path(), &head(lenses))).err().unwrap().to_string();
     let rule = "a `distortion` that is learnt is of one kind of lens, and those of the views are \
                 `distortion` of eight numbers and `fisheye`";
-    assert!(said.contains(rule), "{said}");
+    assert!(message.contains(rule), "{message}");
 }
 
 #[test]
@@ -479,7 +482,7 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     let folder = folder.path();
     png(folder);
     let offset = DVec3::new(500_000.0, 4_649_776.0, 100.0);
-    let of = |file: &str, at: DVec3| {
+    let image_of = |file: &str, at: DVec3| {
         sphere_at(folder, file, at);
         let [x, y, z] = (-at).to_array();
         let text = format!(
@@ -496,7 +499,7 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
         let notes = fit.scene().notes.clone();
         (images, value(&fit, "vertices/ball"), Folder::new(out).unwrap(), notes)
     };
-    let (near, far) = (of("near.obj", DVec3::ZERO), of("far.obj", offset));
+    let (near, far) = (image_of("near.obj", DVec3::ZERO), image_of("far.obj", offset));
     assert_eq!(near.0, far.0);
     assert_eq!(near.1, far.1);
     assert!(near.3.is_empty() && far.3[0].contains("[500000.0, 4649776.0, 100.0]"), "{:?}", far.3);
@@ -528,7 +531,7 @@ fn vertex_colours_are_of_the_space_that_the_scene_names_and_are_written_as_srgb(
     let folder = folder.path();
     let text = "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1 2 3\n";
     fs::write(folder.join("a.obj"), text).unwrap();
-    let of = |file: &str, space: &str| {
+    let image_of = |file: &str, space: &str| {
         let scene = load(folder, &format!("[[meshes]]\nfile = \"{file}\"\n{space}"));
         scene.save_results(folder.join("out")).unwrap();
         fs::copy(folder.join("out/a.ply"), folder.join("a.ply")).unwrap();
@@ -536,12 +539,12 @@ fn vertex_colours_are_of_the_space_that_the_scene_names_and_are_written_as_srgb(
     };
     // The same grey as a byte of 128, to within the steps of bytes.
     for (space, light) in [("linear", 0.5), ("srgb", 0.214_041)] {
-        let found = of("a.obj", &format!("vertex_color_space = \"{space}\"\n"));
+        let found = image_of("a.obj", &format!("vertex_color_space = \"{space}\"\n"));
         assert!((found - light).abs() < 1e-6, "{space}: {found}");
-        let again = of("a.ply", "");
+        let again = image_of("a.ply", "");
         assert!((again - light).abs() < 4e-3, "{space}: {again}");
     }
-    assert_eq!(of("a.obj", ""), of("a.obj", "vertex_color_space = \"srgb\"\n"));
+    assert_eq!(image_of("a.obj", ""), image_of("a.obj", "vertex_color_space = \"srgb\"\n"));
     let file = folder.join("scene.toml");
     let shape = "[[meshes]]\nshape = \"cube\"\nvertex_color_space = \"srgb\"\n";
     fs::write(&file, shape).unwrap();
@@ -660,7 +663,8 @@ fn a_surface_of_several_materials_is_learnt_as_one() {
     assert!(off(&a, one.scene().objects[0].positions.data()) > 1e-3);
     // Each material keeps what is learnt of it, by its own name.
     let both = fitted("two", "[learn.texture]\n[learn.roughness]\nmeshes = [\"ball/b\"]\n");
-    let names: Vec<_> = both.parameters().iter().map(|own| own.name().to_owned()).collect();
+    let names: Vec<_> =
+        both.parameters().iter().map(|parameter| parameter.name().to_owned()).collect();
     let expected = ["vertices/ball", "texture/ball/a", "texture/ball/b", "roughness/ball/b"];
     assert_eq!(names, expected);
     let [left, right] = ["texture/ball/a", "texture/ball/b"].map(|name| value(&both, name));

@@ -29,7 +29,7 @@ const CAMERAS: &str = r#"{"camera_angle_x": 0.7, "frames": [
 fn gray(file: &Path, level: u8) {
     let samples = Samples::U8(vec![level; 12 * 12 * 3]);
     let picture = Picture { width: 12, height: 12, channels: 3, samples };
-    fs::write(file, picture.encode_png(&Place::of(file)).unwrap()).unwrap();
+    fs::write(file, picture.encode_png(&Place::new(file)).unwrap()).unwrap();
 }
 
 fn write(folder: &Path) {
@@ -58,27 +58,27 @@ fn replace(file: &Path, from: &str, to: &str) {
 fn another_file_or_setting_on_one_rank_is_named_before_the_first_step() {
     type Change = fn(&Path);
     let changes: [(&str, Change); 11] = [
-        ("`seed`", |own| replace(&own.join("scene.toml"), "seed = 3", "seed = 4")),
-        ("`stop.views_per_step`", |own| {
-            replace(&own.join("scene.toml"), "views_per_step = 2", "views_per_step = 3");
+        ("`seed`", |folder| replace(&folder.join("scene.toml"), "seed = 3", "seed = 4")),
+        ("`stop.views_per_step`", |folder| {
+            replace(&folder.join("scene.toml"), "views_per_step = 2", "views_per_step = 3");
         }),
-        ("`stop.steps`", |own| replace(&own.join("scene.toml"), "steps = 4", "steps = 3")),
-        ("`pipeline.background`", |own| {
-            replace(&own.join("scene.toml"), "[0.1, 0.1, 0.1]", "[0.1, 0.1, 0.2]");
+        ("`stop.steps`", |folder| replace(&folder.join("scene.toml"), "steps = 4", "steps = 3")),
+        ("`pipeline.background`", |folder| {
+            replace(&folder.join("scene.toml"), "[0.1, 0.1, 0.1]", "[0.1, 0.1, 0.2]");
         }),
-        ("`learn.pose.rate`", |own| {
-            replace(&own.join("scene.toml"), "[learn.pose]", "[learn.pose]\nrate = 0.1");
+        ("`learn.pose.rate`", |folder| {
+            replace(&folder.join("scene.toml"), "[learn.pose]", "[learn.pose]\nrate = 0.1");
         }),
-        ("box.mtl", |own| replace(&own.join("box.mtl"), "0.7", "0.8")),
-        ("box.obj", |own| replace(&own.join("box.obj"), "0.2", "0.3")),
-        ("transforms.json", |own| replace(&own.join("transforms.json"), "0.5", "0.4")),
-        ("b.png", |own| gray(&own.join("b.png"), 7)),
-        ("masks/c.png", |own| gray(&own.join("masks/c.png"), 0)),
-        ("masks/a.png", |own| fs::remove_file(own.join("masks/a.png")).unwrap()),
+        ("box.mtl", |folder| replace(&folder.join("box.mtl"), "0.7", "0.8")),
+        ("box.obj", |folder| replace(&folder.join("box.obj"), "0.2", "0.3")),
+        ("transforms.json", |folder| replace(&folder.join("transforms.json"), "0.5", "0.4")),
+        ("b.png", |folder| gray(&folder.join("b.png"), 7)),
+        ("masks/c.png", |folder| gray(&folder.join("masks/c.png"), 0)),
+        ("masks/a.png", |folder| fs::remove_file(folder.join("masks/a.png")).unwrap()),
     ];
     for (name, change) in changes {
-        let place = tempfile::tempdir().unwrap();
-        let [one, other] = ["one", "other"].map(|name| place.path().join(name));
+        let directory = tempfile::tempdir().unwrap();
+        let [one, other] = ["one", "other"].map(|name| directory.path().join(name));
         [&one, &other].into_iter().for_each(|folder| write(folder));
         let begun = |odd: usize| {
             on_ranks::<f32, _>(2, |ranks| {
@@ -91,10 +91,10 @@ fn another_file_or_setting_on_one_rank_is_named_before_the_first_step() {
         replace(&other.join("scene.toml"), "[stop]", "# Soon.\n[stop]");
         assert_eq!(begun(1), [const { None }; 2]);
         change(&other);
-        for said in begun(1) {
-            let said = said.unwrap_or_default();
-            assert!(said.contains(&format!("got another {name} on rank ")), "{said}");
-            assert!(said.contains("rank 1: it has "), "{said}");
+        for message in begun(1) {
+            let message = message.unwrap_or_default();
+            assert!(message.contains(&format!("got another {name} on rank ")), "{message}");
+            assert!(message.contains("rank 1: it has "), "{message}");
         }
     }
 }
@@ -103,20 +103,20 @@ fn another_file_or_setting_on_one_rank_is_named_before_the_first_step() {
 #[test]
 fn an_image_that_a_rank_needs_is_compared_by_another_one() {
     for odd in 0..3 {
-        let place = tempfile::tempdir().unwrap();
-        let [one, other] = ["one", "other"].map(|name| place.path().join(name));
+        let directory = tempfile::tempdir().unwrap();
+        let [one, other] = ["one", "other"].map(|name| directory.path().join(name));
         [&one, &other].into_iter().for_each(|folder| write(folder));
         let file = format!("{}.png", ["a", "b", "c"][odd]);
         gray(&other.join(&file), 9);
-        let said = on_ranks::<f32, _>(3, |ranks| {
+        let message = on_ranks::<f32, _>(3, |ranks| {
             let folder = if ranks.rank() == odd { &other } else { &one };
             let scene = Scene::load(folder.join("scene.toml")).unwrap();
             SceneFit::among(scene, ranks).err().map(|error| error.to_string())
         });
-        for said in said {
-            let said = said.unwrap_or_default();
-            let is_named = said.contains(&format!("got another {file} on rank "));
-            assert!(is_named && said.contains(&format!("rank {odd}")), "{said}");
+        for message in message {
+            let message = message.unwrap_or_default();
+            let is_named = message.contains(&format!("got another {file} on rank "));
+            assert!(is_named && message.contains(&format!("rank {odd}")), "{message}");
         }
     }
 }

@@ -76,8 +76,8 @@ impl Eye {
 /// The photograph, as a PNG with opacity.
 pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
     let light = light(balls, eye);
-    let picture = Picture::of_color(&light, ColorSpace::Srgb).unwrap();
-    picture.encode_png(&Place::of("photograph.png")).unwrap()
+    let picture = Picture::from_color(&light, ColorSpace::Srgb).unwrap();
+    picture.encode_png(&Place::new("photograph.png")).unwrap()
 }
 
 /// Light and opacity, `[pixels, pixels, 4]`; colours are not multiplied by opacity.

@@ -91,7 +91,7 @@ fn scene(folder: &Path, text: &str) -> Scene {
         let samples = Samples::U8((0..32 * 32 * 4).map(sample).collect());
         let picture = Picture { width: 32, height: 32, channels: 4, samples };
         let file = format!("{view}.png");
-        fs::write(folder.join(&file), picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+        fs::write(folder.join(&file), picture.encode_png(&Place::new(&file)).unwrap()).unwrap();
         let angle = f64::from(view);
         let (x, z) = (5.0 * angle.sin(), 5.0 * angle.cos());
         views += &format!(
@@ -115,18 +115,18 @@ fn end(mut fit: SceneFit) -> (u64, Option<String>, Vec<u32>) {
 }
 
 fn bits(fit: &SceneFit) -> Vec<u32> {
-    let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
     raw.map(f32::to_bits).collect()
 }
 
 #[test]
 fn a_fit_interrupted_at_any_step_ends_at_the_same_step_with_the_same_bits() {
-    let place = tempfile::tempdir().unwrap();
-    let saved = place.path().join("saved");
+    let directory = tempfile::tempdir().unwrap();
+    let saved = directory.path().join("saved");
     // One view at a time: losses go up and down, and patience has something to wait for.
     let text = SCENE.replace("views_per_step = 2", "views_per_step = 1");
     let text = text.replace("steps = 4", "steps = 9");
-    let mut fit = SceneFit::new(scene(place.path(), &text)).unwrap();
+    let mut fit = SceneFit::new(scene(directory.path(), &text)).unwrap();
     let losses: Vec<_> = std::iter::from_fn(|| fit.step().unwrap()).map(|step| step.loss).collect();
     let mut ends = BTreeSet::new();
     for stop in [
@@ -136,7 +136,7 @@ fn a_fit_interrupted_at_any_step_ends_at_the_same_step_with_the_same_bits() {
         format!("[stop]\nloss_below = {}\n", losses[5] * (1.0 + 1e-6)),
         "[stop]\nseconds = 1e6\n".to_owned(),
     ] {
-        let load = || scene(place.path(), &(text.clone() + &stop));
+        let load = || scene(directory.path(), &(text.clone() + &stop));
         let whole = end(SceneFit::new(load()).unwrap());
         ends.insert(whole.0);
         for step in 0..=whole.0 {
@@ -156,17 +156,17 @@ fn a_fit_interrupted_at_any_step_ends_at_the_same_step_with_the_same_bits() {
 /// Where a stop rule waits for a smaller loss, what it waited before the interruption counts.
 #[test]
 fn seconds_of_earlier_runs_count() {
-    let place = tempfile::tempdir().unwrap();
-    let saved = place.path().join("saved");
+    let directory = tempfile::tempdir().unwrap();
+    let saved = directory.path().join("saved");
     let text = |seconds: &str| format!("{SCENE}[stop]\nseconds = {seconds}\n");
-    let mut fit = SceneFit::new(scene(place.path(), &text("1e-9"))).unwrap();
+    let mut fit = SceneFit::new(scene(directory.path(), &text("1e-9"))).unwrap();
     fit.run(|_| ()).unwrap();
     assert_eq!(fit.steps_done(), 1);
     fit.save(&saved).unwrap();
-    let mut same = SceneFit::resume(scene(place.path(), &text("1e-9")), &saved).unwrap();
+    let mut same = SceneFit::resume(scene(directory.path(), &text("1e-9")), &saved).unwrap();
     same.run(|_| ()).unwrap();
     assert_eq!(same.steps_done(), 1);
-    let mut longer = SceneFit::resume(scene(place.path(), &text("1e6")), &saved).unwrap();
+    let mut longer = SceneFit::resume(scene(directory.path(), &text("1e6")), &saved).unwrap();
     assert_eq!(
         longer.changed(),
         ["`stop.seconds`: 1000000.0 from now on, and 1e-9 before"].map(String::from)
@@ -178,20 +178,21 @@ fn seconds_of_earlier_runs_count() {
 /// Every key of these tables, as `table.key`, from the schema that editors get.
 fn keys() -> BTreeSet<String> {
     let schema: Value = serde_json::from_str(&description::schema()).unwrap();
-    let properties = |of: &Value| -> Vec<(String, Value)> {
-        let own = of["properties"].as_object().unwrap();
+    let properties = |schema: &Value| -> Vec<(String, Value)> {
+        let own = schema["properties"].as_object().unwrap();
         own.iter().map(|(name, own)| (name.clone(), own.clone())).collect()
     };
-    let target = |of: &Value| -> Value {
-        let choices = [&of["$ref"], &of["items"]["$ref"], &of["anyOf"][0]["$ref"]];
+    let target = |schema: &Value| -> Value {
+        let choices = [&schema["$ref"], &schema["items"]["$ref"], &schema["anyOf"][0]["$ref"]];
         let name = choices.into_iter().find_map(Value::as_str);
         name.map_or(Value::Null, |name| schema["$defs"][name.rsplit('/').next().unwrap()].clone())
     };
     let whole: Vec<_> = properties(&schema);
-    let of = |table: &str| target(&whole.iter().find(|(name, _)| name == table).unwrap().1);
+    let table_schema =
+        |table: &str| target(&whole.iter().find(|(name, _)| name == table).unwrap().1);
     let mut all = BTreeSet::new();
     for table in ["pipeline", "learn", "loss", "stages", "stop"] {
-        for (name, own) in properties(&of(table)) {
+        for (name, own) in properties(&table_schema(table)) {
             let inner = target(&own);
             let key = format!("{table}.{name}");
             match inner["properties"].is_object() {
@@ -311,9 +312,9 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
 
 #[test]
 fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused() {
-    let place = tempfile::tempdir().unwrap();
-    let (early, late) = (place.path().join("early"), place.path().join("late"));
-    let mut fit = SceneFit::new(scene(place.path(), SCENE)).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let (early, late) = (directory.path().join("early"), directory.path().join("late"));
+    let mut fit = SceneFit::new(scene(directory.path(), SCENE)).unwrap();
     fit.save(&early).unwrap();
     advance(&mut fit, 2);
     fit.save(&late).unwrap();
@@ -323,16 +324,17 @@ fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused(
         known.insert(key.to_owned());
         assert!(SCENE.contains(from), "{key}");
         let text = SCENE.replacen(from, to, 1);
-        let load = || scene(place.path(), &text);
+        let load = || scene(directory.path(), &text);
         let resumed = SceneFit::resume(load(), &late);
         if let Then::Refused(words) = then {
-            let said = resumed.err().map(|error| error.to_string()).unwrap_or_default();
-            assert!(said.contains(words), "{key}: {said}");
+            let message = resumed.err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(message.contains(words), "{key}: {message}");
             continue;
         }
         let resumed = resumed.unwrap_or_else(|error| panic!("{key}: {error}"));
         let key_at = key.replace("stages.", "stages[0].");
-        let is_named = resumed.changed().iter().any(|said| said.starts_with(&format!("`{key_at}")));
+        let is_named =
+            resumed.changed().iter().any(|message| message.starts_with(&format!("`{key_at}")));
         assert!(is_named, "{key}: {:?}", resumed.changed());
         let found = end(resumed);
         let is_other = found != unchanged;
@@ -349,7 +351,7 @@ fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused(
     let is_elsewhere = |key: &&String| {
         absent.iter().any(|own| key.starts_with(own))
             || (key.starts_with("learn.roughness.") || key.starts_with("learn.metallic."))
-                && others.iter().any(|own| key.ends_with(own))
+                && others.iter().any(|other| key.ends_with(other))
     };
     let missing: Vec<_> = keys.difference(&known).filter(|key| !is_elsewhere(key)).collect();
     assert!(missing.is_empty(), "{missing:?}");
@@ -357,8 +359,8 @@ fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused(
 
 #[test]
 fn a_fit_made_longer_continues_the_longer_schedule() {
-    let place = tempfile::tempdir().unwrap();
-    let saved = place.path().join("saved");
+    let directory = tempfile::tempdir().unwrap();
+    let saved = directory.path().join("saved");
     let text = |steps: usize| {
         format!(
             "[[meshes]]\nshape = \"cube\"\n[learn.pose]\n[stop]\nsteps = {steps}\nviews_per_step = 4\n"
@@ -369,13 +371,13 @@ fn a_fit_made_longer_continues_the_longer_schedule() {
     };
     // In the middle of the new schedule, and its last step.
     for (done, steps) in [(4, 8), (4, 5), (20, 21)] {
-        let mut fit = SceneFit::new(scene(place.path(), &text(done))).unwrap();
+        let mut fit = SceneFit::new(scene(directory.path(), &text(done))).unwrap();
         fit.run(|_| ()).unwrap();
         fit.save(&saved).unwrap();
         let step_of = |steps: usize| {
-            let mut fit = SceneFit::resume(scene(place.path(), &text(steps)), &saved).unwrap();
-            let said = format!("`stop.steps`: {steps} from now on, and {done} before");
-            assert_eq!(fit.changed(), [said]);
+            let mut fit = SceneFit::resume(scene(directory.path(), &text(steps)), &saved).unwrap();
+            let message = format!("`stop.steps`: {steps} from now on, and {done} before");
+            assert_eq!(fit.changed(), [message]);
             let pose = |fit: &SceneFit| fit.parameters().value("pose/cube").unwrap();
             let before = pose(&fit);
             fit.step().unwrap().unwrap();
@@ -393,13 +395,13 @@ fn a_fit_made_longer_continues_the_longer_schedule() {
 
 #[test]
 fn stages_that_are_done_stay_as_they_were_and_files_are_named() {
-    let place = tempfile::tempdir().unwrap();
-    let saved = place.path().join("saved");
-    let mut fit = SceneFit::new(scene(place.path(), SCENE)).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let saved = directory.path().join("saved");
+    let mut fit = SceneFit::new(scene(directory.path(), SCENE)).unwrap();
     advance(&mut fit, 5);
     fit.save(&saved).unwrap();
     let resume = |from: &str, to: &str| {
-        let scene = scene(place.path(), &SCENE.replacen(from, to, 1));
+        let scene = scene(directory.path(), &SCENE.replacen(from, to, 1));
         SceneFit::resume(scene, &saved)
     };
     let error = resume("steps = 3", "steps = 4").err().unwrap().to_string();
@@ -413,9 +415,9 @@ fn stages_that_are_done_stay_as_they_were_and_files_are_named() {
     let cube = "shape = \"cube\"";
     let error = resume(cube, &format!("{cube}\nfaces = 48")).err().unwrap().to_string();
     assert!(error.contains("with the preconditioner of"), "{error}");
-    let loaded = scene(place.path(), SCENE);
-    let bytes = fs::read(place.path().join("2.png")).unwrap();
-    fs::write(place.path().join("0.png"), bytes).unwrap();
+    let loaded = scene(directory.path(), SCENE);
+    let bytes = fs::read(directory.path().join("2.png")).unwrap();
+    fs::write(directory.path().join("0.png"), bytes).unwrap();
     let fit = SceneFit::resume(loaded, &saved).unwrap();
     assert_eq!(fit.changed().len(), 1);
     assert!(fit.changed()[0].starts_with("0.png: "), "{:?}", fit.changed());

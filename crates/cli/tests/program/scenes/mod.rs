@@ -51,7 +51,7 @@ fn disk(width: usize, height: usize, channels: usize) -> Vec<u8> {
     };
     let sample = |k: usize| if is_inside(k / channels) { 40 + (k % 5 * 50) as u8 } else { 0 };
     let samples = Samples::U8((0..width * height * channels).map(sample).collect());
-    Picture { width, height, channels, samples }.encode_png(&Place::of("disk")).unwrap()
+    Picture { width, height, channels, samples }.encode_png(&Place::new("disk")).unwrap()
 }
 
 /// The poses of cameras around a place, as OpenGL has them.
@@ -452,7 +452,7 @@ fn what_is_wrong_with_a_scene_is_said() {
         folder,
         "black.png",
         Picture { width: 32, height: 32, channels: 1, samples: Samples::U8(vec![0; 1024]) }
-            .encode_png(&Place::of("a"))
+            .encode_png(&Place::new("a"))
             .unwrap(),
     );
     let sized = "camera = { position = [1, 0, 5], angle = 40, size = [64, 32] }\n";
@@ -529,7 +529,7 @@ fn images_cameras_and_saved_fits_are_told() {
     assert!(told.contains("parameter \"vertices/object\"\n  shape         [2402,3]\n"), "{told}");
     let clear =
         Picture { width: 1, height: 1, channels: 4, samples: Samples::U8(vec![255, 255, 255, 0]) };
-    write(folder, "clear.png", clear.encode_png(&Place::of("a")).unwrap());
+    write(folder, "clear.png", clear.encode_png(&Place::new("a")).unwrap());
     let [told, _] = ended(folder, &["inspect", "clear.png"], 1);
     assert!(told.contains("\nproblem: an image shows something"), "{told}");
 }
@@ -728,7 +728,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     assert!(numbers["objects"]["sphere"]["places"][0][3][3] == 1.0);
     for what in ["result", "target", "difference"] {
         let file = format!("views/00-{what}.png");
-        let size = Picture::size_of(&out.read(&file).unwrap(), &Place::of(&file)).unwrap();
+        let size = Picture::decode_size(&out.read(&file).unwrap(), &Place::new(&file)).unwrap();
         assert_eq!(size, [32, 32], "{what}");
     }
     // Its images are found from where it lies.
@@ -758,7 +758,7 @@ fn a_scene_is_rendered_as_pictures_depth_normals_and_ids() {
     assert_eq!(told, "front: 8 files\n");
     let read = |name: &str| {
         let file = folder.join("out").join(name);
-        Picture::decode(&fs::read(&file).unwrap(), &Place::of(&file)).unwrap()
+        Picture::decode(&fs::read(&file).unwrap(), &Place::new(&file)).unwrap()
     };
     let middle = 6 * 16 + 8;
     let at = |picture: &Picture, channel: usize| picture.channel(channel).unwrap().data()[middle];

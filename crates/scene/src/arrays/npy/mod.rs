@@ -42,7 +42,7 @@ const DIGITS: usize = 21;
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_npy_bytes`].
 pub fn read_npy(path: impl AsRef<Path>) -> Result<RawArray, SceneError> {
-    read_npy_bytes(&read_file(path.as_ref())?, &Place::of(path))
+    read_npy_bytes(&read_file(path.as_ref())?, &Place::new(path))
 }
 
 /// The array in an npy file of these `bytes`. `place` names the file in errors.
@@ -120,7 +120,7 @@ pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Result<RawArray, Str
     if is_fortran && !numbers.is_empty() {
         numbers = row_major(kind, &shape, &numbers);
     }
-    RawArray::of_file(place.clone(), kind, shape, numbers).map(Ok)
+    RawArray::from_file(place.clone(), kind, shape, numbers).map(Ok)
 }
 
 /// The text of the header, and the bytes after it.
@@ -165,22 +165,22 @@ fn row_major(kind: NumberType, shape: &Shape, bytes: &[u8]) -> Vec<u8> {
     let strides: Vec<_> = shape
         .iter()
         .scan(size, |stride, &extent| {
-            let own = *stride;
+            let step = *stride;
             *stride *= extent;
-            Some(own)
+            Some(step)
         })
         .collect();
-    let (mut index, mut at) = (vec![0; shape.rank()], 0);
+    let (mut index, mut start) = (vec![0; shape.rank()], 0);
     let mut ordered = Vec::with_capacity(bytes.len());
     while ordered.len() < bytes.len() {
-        ordered.extend_from_slice(&bytes[at..at + size]);
+        ordered.extend_from_slice(&bytes[start..start + size]);
         for axis in (0..shape.rank()).rev() {
             index[axis] += 1;
-            at += strides[axis];
+            start += strides[axis];
             if index[axis] < shape[axis] {
                 break;
             }
-            at -= strides[axis] * shape[axis];
+            start -= strides[axis] * shape[axis];
             index[axis] = 0;
         }
     }

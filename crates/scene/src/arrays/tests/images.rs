@@ -71,9 +71,9 @@ fn each_number_of_channels_has_its_buffer() {
         for depth in [Depth::Eight, Depth::Sixteen, Depth::ThirtyTwo] {
             let found = image_of(&light, ColorSpace::Linear, depth);
             if depth == Depth::ThirtyTwo && channels < 3 {
-                let said = found.unwrap_err().to_string();
+                let message = found.unwrap_err().to_string();
                 let rule = "an image: an image of 32 bits has three or four channels";
-                assert_eq!(said, format!("{rule}, and this has {channels}"));
+                assert_eq!(message, format!("{rule}, and this has {channels}"));
                 continue;
             }
             let image = found.unwrap();
@@ -86,7 +86,7 @@ fn each_number_of_channels_has_its_buffer() {
     }
     let no_image = Tensor::<f32>::zeros([2, 3, 5]);
     assert!(image_of(&no_image, ColorSpace::Linear, Depth::Eight).is_err());
-    let said = tensor_of_image(GrayImage::new(0, 3), ColorSpace::Linear).unwrap_err();
+    let message = tensor_of_image(GrayImage::new(0, 3), ColorSpace::Linear).unwrap_err();
     let expected = "an image: an image has pixels, of one to four channels, and this is 0 x 3 of 1";
-    assert_eq!(said.to_string(), expected);
+    assert_eq!(message.to_string(), expected);
 }

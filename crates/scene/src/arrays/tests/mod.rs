@@ -29,7 +29,7 @@ fn file(name: &str) -> Vec<u8> {
 }
 
 fn place() -> Place {
-    Place::of("file")
+    Place::new("file")
 }
 
 /// Shapes of up to five axes; many of them have no entries.

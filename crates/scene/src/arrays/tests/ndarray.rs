@@ -43,8 +43,8 @@ fn a_view_shares_the_buffer() {
 #[test]
 fn what_ndarray_does_not_take_is_an_error() {
     let tensor = Tensor::<f32>::zeros(&[0, 1 << 40, 1 << 40][..]);
-    let said = ndarray_of(&tensor).unwrap_err().to_string();
-    assert!(said.starts_with("ndarray_view needs a shape that ndarray takes"), "{said}");
+    let message = ndarray_of(&tensor).unwrap_err().to_string();
+    assert!(message.starts_with("ndarray_view needs a shape that ndarray takes"), "{message}");
 }
 
 proptest! {

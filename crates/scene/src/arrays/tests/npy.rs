@@ -13,7 +13,7 @@ fn read(name: &str) -> RawArray {
     read_npy(data().join(format!("{name}.npy"))).unwrap()
 }
 
-fn said(bytes: &[u8]) -> String {
+fn message(bytes: &[u8]) -> String {
     read_npy_bytes(bytes, &place()).unwrap_err().to_string()
 }
 
@@ -83,9 +83,9 @@ fn the_extremes_of_whole_numbers_are_read_where_they_are_exact() {
     }
     for (name, largest) in [("u8", "18446744073709551615"), ("i8", "9223372036854775807")] {
         let array = read(&format!("extreme_{name}"));
-        let said = array.tensor::<f64>().unwrap_err().to_string();
+        let message = array.tensor::<f64>().unwrap_err().to_string();
         let rule = "are read as f64 without rounding, and the entry at [1] is";
-        assert!(said.ends_with(&format!("{rule} {largest}")), "{said}");
+        assert!(message.ends_with(&format!("{rule} {largest}")), "{message}");
         assert_eq!(npy(&array).unwrap(), file(&format!("extreme_{name}.npy")));
     }
     let truth = read("truth");
@@ -142,8 +142,8 @@ fn what_is_no_array_of_numbers_is_refused_by_name() {
     ];
     let rule = "file: numbers are truth values, whole numbers of up to 64 bits, or floats of 16 to 64 bits";
     for (name, expected) in rows {
-        let said = said(&file(&format!("{name}.npy")));
-        assert_eq!(said, format!("{rule}, and these are {expected}"));
+        let message = message(&file(&format!("{name}.npy")));
+        assert_eq!(message, format!("{rule}, and these are {expected}"));
     }
 }
 
@@ -184,13 +184,13 @@ fn headers_are_read_as_python_writes_them_and_no_other_way() {
         ("{'descr': '', 'fortran_order': False, 'shape': ()}", "none that is known, \"\""),
     ];
     for (header, expected) in rows {
-        let said = said(&with_header(header, &number));
-        assert!(said.contains(expected), "{header}: {said}");
+        let message = message(&with_header(header, &number));
+        assert!(message.contains(expected), "{header}: {message}");
     }
     let axes = "1, ".repeat(65);
     let header = format!("{{'shape': ({axes})}}");
     assert_eq!(
-        said(&with_header(&header, &[])),
+        message(&with_header(&header, &[])),
         "file: an array has at most 64 axes, and this has more"
     );
 }
@@ -200,16 +200,16 @@ fn lengths_against_the_shape_are_refused() {
     let header =
         |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n");
     for (length, expected) in [(0, "0"), (23, "23"), (25, "25"), (48, "48")] {
-        let said = said(&with_header(&header("(2, 3)"), &vec![0; length]));
+        let message = message(&with_header(&header("(2, 3)"), &vec![0; length]));
         let rule = "file: an array of shape [2, 3] has 24 bytes of f32";
-        assert_eq!(said, format!("{rule}, and {expected} bytes follow the header"));
+        assert_eq!(message, format!("{rule}, and {expected} bytes follow the header"));
     }
-    let huge = said(&with_header(&header("(4294967296, 4294967296)"), &[0; 24]));
+    let huge = message(&with_header(&header("(4294967296, 4294967296)"), &[0; 24]));
     assert!(
         huge.contains("has more bytes of f32 than fit an index, and 24 bytes follow"),
         "{huge}"
     );
-    let wraps = said(&with_header(&header("(4611686018427387904, 4)"), &[]));
+    let wraps = message(&with_header(&header("(4611686018427387904, 4)"), &[]));
     assert!(wraps.contains("has more bytes of f32 than fit an index"), "{wraps}");
     // With no entries the other extents are no matter.
     for order in ["True", "False"] {
@@ -224,15 +224,15 @@ fn lengths_against_the_shape_are_refused() {
 #[test]
 fn what_is_no_npy_file_is_refused() {
     let rule = "file: an npy file begins with the bytes 93 4e 55 4d 50 59";
-    assert_eq!(said(b"hello you"), format!("{rule}, and this with \"68 65 6c 6c 6f 20\""));
-    assert_eq!(said(b""), format!("{rule}, and this with \"\""));
-    let said_of_version = said(b"\x93NUMPY\x04\x00");
-    assert_eq!(said_of_version, "file: versions 1.0, 2.0 and 3.0 of npy are read, and this is 4.0");
+    assert_eq!(message(b"hello you"), format!("{rule}, and this with \"68 65 6c 6c 6f 20\""));
+    assert_eq!(message(b""), format!("{rule}, and this with \"\""));
+    let of_version = message(b"\x93NUMPY\x04\x00");
+    assert_eq!(of_version, "file: versions 1.0, 2.0 and 3.0 of npy are read, and this is 4.0");
     for short in [&b"\x93NUMPY"[..], b"\x93NUMPY\x01\x00\x01", b"\x93NUMPY\x02\x00\xff\xff\xff\xff"]
     {
-        assert!(said(short).ends_with("has a whole header, and this ends before"));
+        assert!(message(short).ends_with("has a whole header, and this ends before"));
     }
-    assert!(said(b"\x93NUMPY\x03\x00\x01\x00\x00\x00\xff").contains("is UTF-8"));
+    assert!(message(b"\x93NUMPY\x03\x00\x01\x00\x00\x00\xff").contains("is UTF-8"));
     let missing = read_npy("no such file.npy").unwrap_err().to_string();
     assert!(missing.starts_with("no such file.npy could not be read"), "{missing}");
 }
@@ -240,11 +240,11 @@ fn what_is_no_npy_file_is_refused() {
 #[test]
 fn what_numpy_does_not_have_is_not_written() {
     let array = RawArray::new(NumberType::Bf16, [1], vec![0, 0]).unwrap();
-    let said = npy(&array).unwrap_err().to_string();
-    assert_eq!(said, "an array: NumPy has no numbers of bf16: read them as f32");
+    let message = npy(&array).unwrap_err().to_string();
+    assert_eq!(message, "an array: NumPy has no numbers of bf16: read them as f32");
     let axes = RawArray::from(&Tensor::<f32>::zeros(&[1; 65][..]));
-    let said = npy(&axes).unwrap_err().to_string();
-    assert_eq!(said, "an array: an array has at most 64 axes, and this has 65");
+    let message = npy(&axes).unwrap_err().to_string();
+    assert_eq!(message, "an array: an array has at most 64 axes, and this has 65");
 }
 
 #[test]

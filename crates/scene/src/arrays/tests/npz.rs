@@ -10,7 +10,7 @@ fn read(bytes: &[u8]) -> ArrayFile {
     read_npz_bytes(bytes, &place()).unwrap()
 }
 
-fn said(bytes: &[u8]) -> String {
+fn message(bytes: &[u8]) -> String {
     read_npz_bytes(bytes, &place()).unwrap_err().to_string()
 }
 
@@ -38,9 +38,12 @@ fn numpys_archives_are_read_in_order() {
         assert_eq!(arrays.tensor::<f64>("a/weights").unwrap(), counted(&[2, 2]));
         assert_eq!(arrays.tensor::<f64>("江").unwrap().item(), 7.0);
         // Texts stand in nobody's way until they are asked for.
-        let said = arrays.get("names").unwrap_err().to_string();
-        assert!(said.contains(":names: numbers are") && said.ends_with("texts, \"<U3\""), "{said}");
-        assert_eq!(npz(&arrays, Packing::Stored).unwrap_err().to_string(), said);
+        let message = arrays.get("names").unwrap_err().to_string();
+        assert!(
+            message.contains(":names: numbers are") && message.ends_with("texts, \"<U3\""),
+            "{message}"
+        );
+        assert_eq!(npz(&arrays, Packing::Stored).unwrap_err().to_string(), message);
     }
     assert_eq!(read(&file("none.npz")).names().len(), 0);
 }
@@ -76,13 +79,16 @@ fn names_are_those_of_files_in_a_folder() {
     for name in
         ["", "/a", "a/", "a//b", ".", "..", "../a", "a/../b", "a/./b", "a\\b", "C:a", "a\n", "\0"]
     {
-        let said = said(&zipped(&[(&format!("{name}.npy"), &bytes)]));
+        let message = message(&zipped(&[(&format!("{name}.npy"), &bytes)]));
         // What ends in a dot before the ending is a part like any other.
-        assert_eq!(said, format!("{rule}, and there is {name:?}"));
+        assert_eq!(message, format!("{rule}, and there is {name:?}"));
         let mut arrays = ArrayFile::new();
         arrays.insert(name, Tensor::scalar(1.0_f32));
-        let said = npz(&arrays, Packing::Stored).unwrap_err().to_string();
-        assert!(said.ends_with(&format!("a file in a folder, and there is {name:?}")), "{said}");
+        let message = npz(&arrays, Packing::Stored).unwrap_err().to_string();
+        assert!(
+            message.ends_with(&format!("a file in a folder, and there is {name:?}")),
+            "{message}"
+        );
     }
     for name in ["a", "a.npy", "...", "a b", "raw/vertices/bunny", "江", "a'\"{}"] {
         let mut arrays = ArrayFile::new();
@@ -101,12 +107,12 @@ fn other_files_and_folders_stand_in_nobodys_way() {
     let arrays =
         read(&zipped(&[("folder/", b""), ("folder/read me.txt", b"hi"), ("folder/a.npy", &bytes)]));
     assert_eq!(arrays.names().collect::<Vec<_>>(), ["folder/read me.txt", "folder/a"]);
-    let said_of_text = arrays.get("folder/read me.txt").unwrap_err().to_string();
+    let of_text = arrays.get("folder/read me.txt").unwrap_err().to_string();
     let expected = "the arrays of an npz file end in .npy, and this does not";
-    assert_eq!(said_of_text, format!("file:folder/read me.txt: {expected}"));
-    assert!(said(&zipped(&[("../secret", b"hi")])).contains("is that of a file in a folder"));
+    assert_eq!(of_text, format!("file:folder/read me.txt: {expected}"));
+    assert!(message(&zipped(&[("../secret", b"hi")])).contains("is that of a file in a folder"));
     // A file that is called an array and is none.
-    let broken = said(&zipped(&[("a.npy", b"hi")]));
+    let broken = message(&zipped(&[("a.npy", b"hi")]));
     assert!(broken.starts_with("file:a: an npy file begins with"), "{broken}");
 }
 
@@ -118,9 +124,12 @@ fn a_name_that_is_there_twice_is_refused() {
     while let Some(at) = bytes.windows(6).position(|window| window == b"ac.npy") {
         bytes[at + 1] = b'b';
     }
-    assert_eq!(said(&bytes), "file: a name is that of one array, and this archive has one twice");
+    assert_eq!(
+        message(&bytes),
+        "file: a name is that of one array, and this archive has one twice"
+    );
     // By another way: an array, and a file of the same name.
-    let twice = said(&zipped(&[("a", b"hi"), ("a.npy", &one)]));
+    let twice = message(&zipped(&[("a", b"hi"), ("a.npy", &one)]));
     assert_eq!(twice, "file: a name is that of one array, and \"a\" is that of two");
 }
 
@@ -133,8 +142,8 @@ fn numbers_that_changed_are_noticed() {
         let mut changed = bytes.clone();
         // Among the numbers: 30 bytes of a header before them, and those of the npy file.
         changed[200] ^= 1;
-        let said = said(&changed);
-        assert!(said.starts_with("file:a: the file can't be unpacked"), "{said}");
+        let message = message(&changed);
+        assert!(message.starts_with("file:a: the file can't be unpacked"), "{message}");
     }
 }
 
@@ -147,8 +156,8 @@ fn files_that_share_their_bytes_are_refused() {
         (0..archive.len() - 4).filter(|&at| archive[at..].starts_with(b"PK\x01\x02")).collect();
     assert_eq!(entries.len(), 2);
     archive[entries[1] + 42..entries[1] + 46].copy_from_slice(&[0; 4]);
-    let said = said(&archive);
-    assert!(said.contains("each file of an archive has bytes of its own"), "{said}");
+    let message = message(&archive);
+    assert!(message.contains("each file of an archive has bytes of its own"), "{message}");
 }
 
 #[test]
@@ -161,10 +170,10 @@ fn no_more_is_unpacked_than_may_be() {
     let most = |most: u64| super::super::npz::unpacked(&bytes, &place(), most);
     assert!(most(unpacked).is_ok());
     for least in [0, 128, 4127, 4128, unpacked - 1] {
-        let said = most(least).unwrap_err().to_string();
+        let message = most(least).unwrap_err().to_string();
         let expected =
             format!("file: at most {least} bytes of unpacked arrays are read, and there are");
-        assert!(said.starts_with(&expected), "{said}");
+        assert!(message.starts_with(&expected), "{message}");
     }
     // Nor is memory taken for what would be too much.
     arrays.insert("a", Tensor::<f32>::zeros([10_000_000]));
@@ -177,13 +186,13 @@ fn no_more_is_unpacked_than_may_be() {
 
 #[test]
 fn what_is_no_archive_is_refused() {
-    assert_eq!(said(b""), "file: an npz file is a zip archive, and this is none");
-    assert_eq!(said(b"\x93NUMPY"), "file: an npz file is a zip archive, and this is none");
-    assert!(said(b"PK\x03\x04").starts_with("file: the archive can't be read"));
+    assert_eq!(message(b""), "file: an npz file is a zip archive, and this is none");
+    assert_eq!(message(b"\x93NUMPY"), "file: an npz file is a zip archive, and this is none");
+    assert!(message(b"PK\x03\x04").starts_with("file: the archive can't be read"));
     let mut arrays = ArrayFile::new();
     arrays.metadata.insert("a".to_owned(), "b".to_owned());
-    let said = npz(&arrays, Packing::Stored).unwrap_err().to_string();
-    assert_eq!(said, "arrays in memory: an npz file has no metadata, and there is \"a\"");
+    let message = npz(&arrays, Packing::Stored).unwrap_err().to_string();
+    assert_eq!(message, "arrays in memory: an npz file has no metadata, and there is \"a\"");
 }
 
 proptest! {

@@ -108,19 +108,22 @@ fn a_number_that_is_refused_is_named_with_its_place() {
     let numbers: Vec<u8> =
         [0_i32, 1, 2, 3, 4, 16_777_217].iter().flat_map(|x| x.to_le_bytes()).collect();
     let array = RawArray::new(NumberType::I32, [3, 2], numbers).unwrap();
-    let said = array.tensor::<f32>().unwrap_err().to_string();
+    let message = array.tensor::<f32>().unwrap_err().to_string();
     let rule = "an array: i32 are read as f32 without rounding";
-    assert_eq!(said, format!("{rule}, and the entry at [2, 1] is 16777217"));
+    assert_eq!(message, format!("{rule}, and the entry at [2, 1] is 16777217"));
     assert_eq!(array.tensor::<f64>().unwrap().data()[5], 16_777_217.0);
 
     let array = RawArray::new(NumberType::F64, [1], vec![0; 8]).unwrap();
-    let said = array.tensor::<f32>().unwrap_err().to_string();
+    let message = array.tensor::<f32>().unwrap_err().to_string();
     let rule = "an array: numbers are read as f32 without rounding";
-    assert_eq!(said, format!("{rule}, and these are f64: read f64, and `cast` rounds"));
+    assert_eq!(message, format!("{rule}, and these are f64: read f64, and `cast` rounds"));
 
     let array = RawArray::new(NumberType::Bool, [3], vec![0, 1, 2]).unwrap();
-    let said = array.tensor::<f32>().unwrap_err().to_string();
-    assert_eq!(said, "an array: bool are read as f32 without rounding, and the entry at [2] is 2");
+    let message = array.tensor::<f32>().unwrap_err().to_string();
+    assert_eq!(
+        message,
+        "an array: bool are read as f32 without rounding, and the entry at [2] is 2"
+    );
 }
 
 #[test]
@@ -131,49 +134,49 @@ fn indices_are_whole_numbers_in_rows() {
     };
     assert_eq!(whole(&[0, 1, 2, 2, 1, 3], [2, 3]).indices::<3>().unwrap(), [[0, 1, 2], [2, 1, 3]]);
     assert_eq!(whole(&[], [0, 3]).indices::<3>().unwrap(), Vec::<[u32; 3]>::new());
-    let said = |array: RawArray| array.indices::<3>().unwrap_err().to_string();
+    let message = |array: RawArray| array.indices::<3>().unwrap_err().to_string();
     assert_eq!(
-        said(whole(&[0, 1, -2], [1, 3])),
+        message(whole(&[0, 1, -2], [1, 3])),
         "an array: indices are from 0 to 4294967295, and the entry at [0, 2] is -2"
     );
     assert_eq!(
-        said(whole(&[0, 1], [1, 2])),
+        message(whole(&[0, 1], [1, 2])),
         "an array: rows of indices have shape [n, 3], and this has shape [1, 2]"
     );
     assert_eq!(
-        said(RawArray::from(Tensor::<f32>::zeros([1, 3]))),
+        message(RawArray::from(Tensor::<f32>::zeros([1, 3]))),
         "an array: indices are whole numbers, and this has f32"
     );
 }
 
 #[test]
 fn an_array_has_the_bytes_that_its_shape_needs() {
-    let said = |shape: &[usize], bytes: usize| {
+    let message = |shape: &[usize], bytes: usize| {
         RawArray::new(NumberType::F32, shape, vec![0; bytes]).unwrap_err().to_string()
     };
     let rule = "an array: an array of shape [2, 3] has 24 bytes of f32";
-    assert_eq!(said(&[2, 3], 23), format!("{rule}, and there are 23 bytes"));
-    assert!(said(&[1 << 62, 4], 0).contains("more bytes of f32 than fit an index"));
-    assert!(said(&[1; 65], 4).ends_with("an array has at most 64 axes, and this has 65"));
+    assert_eq!(message(&[2, 3], 23), format!("{rule}, and there are 23 bytes"));
+    assert!(message(&[1 << 62, 4], 0).contains("more bytes of f32 than fit an index"));
+    assert!(message(&[1; 65], 4).ends_with("an array has at most 64 axes, and this has 65"));
     assert!(RawArray::new(NumberType::F32, &[1 << 62, 4, 0][..], Vec::new()).is_ok());
 }
 
 #[test]
 fn names_are_said_where_one_is_not_there() {
     let mut arrays = ArrayFile::new();
-    let said = |arrays: &ArrayFile| arrays.get("z").unwrap_err().to_string();
-    assert_eq!(said(&arrays), "arrays in memory: the arrays are none, and not \"z\"");
+    let message = |arrays: &ArrayFile| arrays.get("z").unwrap_err().to_string();
+    assert_eq!(message(&arrays), "arrays in memory: the arrays are none, and not \"z\"");
     for name in ["b", "a"] {
         arrays.insert(name, Tensor::scalar(1.0_f32));
     }
-    assert_eq!(said(&arrays), "arrays in memory: the arrays are \"b\", \"a\", and not \"z\"");
+    assert_eq!(message(&arrays), "arrays in memory: the arrays are \"b\", \"a\", and not \"z\"");
     // What has a name already is replaced where it stands.
     arrays.insert("b", Tensor::scalar(2.0_f64));
     assert_eq!(arrays.names().collect::<Vec<_>>(), ["b", "a"]);
     assert_eq!(arrays.tensor::<f64>("b").unwrap().item(), 2.0);
     assert!(arrays.tensor::<f32>("b").is_err());
     (0..8).for_each(|k| arrays.insert(k.to_string(), Tensor::scalar(0.0_f32)));
-    assert!(said(&arrays).ends_with("\"5\", 2 more, and not \"z\""), "{}", said(&arrays));
+    assert!(message(&arrays).ends_with("\"5\", 2 more, and not \"z\""), "{}", message(&arrays));
 }
 
 fn come_back<R: Row + PartialEq + std::fmt::Debug>(
@@ -226,12 +229,12 @@ fn vectors_and_matrices_of_glam_are_rows() {
 
 #[test]
 fn rows_have_their_shape() {
-    let said = |error: crate::SceneError| error.to_string();
+    let message = |error: crate::SceneError| error.to_string();
     let matrix = Tensor::<f32>::zeros([2, 4]);
     let expected = "rows_of needs shape [n, 3], got shape [2, 4]";
-    assert_eq!(said(rows_of::<Vec3>(&matrix).unwrap_err()), expected);
+    assert_eq!(message(rows_of::<Vec3>(&matrix).unwrap_err()), expected);
     let expected = "rows_of needs shape [n, 4, 4], got shape [2, 4]";
-    assert_eq!(said(rows_of::<Mat4>(&matrix).unwrap_err()), expected);
+    assert_eq!(message(rows_of::<Mat4>(&matrix).unwrap_err()), expected);
     assert!(rows_of::<Vec3>(&Tensor::zeros([3])).is_err());
     assert!(rows_of::<Vec3>(&Tensor::zeros([])).is_err());
 }

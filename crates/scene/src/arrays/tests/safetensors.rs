@@ -12,7 +12,7 @@ fn read(bytes: &[u8]) -> ArrayFile {
     read_safetensors_bytes(bytes, &place()).unwrap()
 }
 
-fn said(bytes: &[u8]) -> String {
+fn message(bytes: &[u8]) -> String {
     read_safetensors_bytes(bytes, &place()).unwrap_err().to_string()
 }
 
@@ -39,10 +39,10 @@ fn files_of_python_are_read() {
     assert_eq!(arrays.tensor::<f32>("truth").unwrap().data(), [1.0, 0.0]);
     assert_eq!(arrays.get("faces").unwrap().indices::<3>().unwrap(), [[0, 1, 2], [2, 1, 3]]);
     assert_eq!(arrays.metadata["made by"], "NumPy");
-    let said = arrays.tensor::<f32>("a.weights").unwrap_err().to_string();
+    let message = arrays.tensor::<f32>("a.weights").unwrap_err().to_string();
     assert!(
-        said.contains("several.safetensors:a.weights: numbers are read as f32 without"),
-        "{said}"
+        message.contains("several.safetensors:a.weights: numbers are read as f32 without"),
+        "{message}"
     );
     // Written again they are the same arrays; the crate reads them, too.
     let bytes = safetensors(&arrays).unwrap();
@@ -129,10 +129,13 @@ fn what_is_no_safetensors_file_is_refused() {
         with_header(&entry("[4294967296,4294967296]", 0, 4), &[0; 4]),
         with_header(&entry("[-1]", 0, 4), &[0; 4]),
     ] {
-        assert!(said(&bytes).starts_with("file: a safetensors file is needed here"), "{bytes:?}");
+        assert!(
+            message(&bytes).starts_with("file: a safetensors file is needed here"),
+            "{bytes:?}"
+        );
     }
     let axes = format!("[{}1]", "1,".repeat(64));
-    let many = said(&with_header(&entry(&axes, 0, 4), &[0; 4]));
+    let many = message(&with_header(&entry(&axes, 0, 4), &[0; 4]));
     assert_eq!(many, "file:a: an array has at most 64 axes, and this has 65");
 }
 
@@ -140,11 +143,13 @@ fn what_is_no_safetensors_file_is_refused() {
 fn what_such_a_file_can_not_hold_is_not_written() {
     let mut arrays = ArrayFile::new();
     arrays.insert("__metadata__", Tensor::scalar(1.0_f32));
-    let said = |arrays: &ArrayFile| safetensors(arrays).unwrap_err().to_string();
-    assert!(said(&arrays).ends_with("no array of a safetensors file is called \"__metadata__\""));
+    let message = |arrays: &ArrayFile| safetensors(arrays).unwrap_err().to_string();
+    assert!(
+        message(&arrays).ends_with("no array of a safetensors file is called \"__metadata__\"")
+    );
     let mut arrays = ArrayFile::new();
     arrays.insert("a", Tensor::<f32>::zeros([1 << 40, 1 << 40, 0]));
-    assert!(said(&arrays).starts_with("arrays in memory: the safetensors file can't be made"));
+    assert!(message(&arrays).starts_with("arrays in memory: the safetensors file can't be made"));
 }
 
 #[test]

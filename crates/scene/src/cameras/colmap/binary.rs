@@ -32,8 +32,8 @@ impl<'b> Bytes<'b> {
 
     fn take(&mut self, count: usize) -> Result<&'b [u8], SceneError> {
         let Some((taken, rest)) = self.rest.split_at_checked(count) else {
-            let found = format!("{count} bytes follow, and {} are left", self.rest.len());
-            return Err(self.error(found));
+            let message = format!("{count} bytes follow, and {} are left", self.rest.len());
+            return Err(self.error(message));
         };
         self.rest = rest;
         Ok(taken)

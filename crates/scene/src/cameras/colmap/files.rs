@@ -20,10 +20,10 @@ pub(super) fn read<R>(
 ) -> Result<(Vec<R>, Place), SceneError> {
     let [file, other] = ["bin", "txt"].map(|ending| path.join(format!("{name}.{ending}")));
     if folder.find(&file).is_ok() {
-        let (bytes, place) = (folder.read(&file)?, Place::of(folder.join(file)));
+        let (bytes, place) = (folder.read(&file)?, Place::new(folder.join(file)));
         return Ok((binary(&bytes, &place)?, place));
     }
-    let (words, place) = (folder.read_text(&other)?, Place::of(folder.join(other)));
+    let (words, place) = (folder.read_text(&other)?, Place::new(folder.join(other)));
     Ok((text(&words, &place)?, place))
 }
 

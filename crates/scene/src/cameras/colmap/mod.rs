@@ -61,8 +61,8 @@ pub fn read_colmap(
     let mut cameras = BTreeMap::new();
     for Lens { number, camera } in lenses {
         if cameras.insert(number, camera).is_some() {
-            let found = format!("cameras have numbers of their own, and {number} is repeated");
-            return Err(SceneError::content(place, found));
+            let message = format!("cameras have numbers of their own, and {number} is repeated");
+            return Err(SceneError::content(place, message));
         }
     }
     let (shots, place) = shots(folder, &path)?;
@@ -115,8 +115,9 @@ pub fn read_colmap_points(
     let (mut points, place) = read(folder, &path, "points3D", binary::points, text::points)?;
     points.sort_by_key(|point| point.number);
     if let Some(pair) = points.windows(2).find(|pair| pair[0].number == pair[1].number) {
-        let found = format!("points have numbers of their own, and {} is repeated", pair[0].number);
-        return Err(SceneError::content(place, found));
+        let message =
+            format!("points have numbers of their own, and {} is repeated", pair[0].number);
+        return Err(SceneError::content(place, message));
     }
     Ok(points.into_iter().map(|numbered| numbered.point).collect())
 }

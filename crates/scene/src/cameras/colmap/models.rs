@@ -59,7 +59,8 @@ fn numbered(folder: &Folder, path: &Path) -> Vec<u32> {
     let Ok(entries) = fs::read_dir(&found) else { return Vec::new() };
     let names = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned());
     // As COLMAP writes them: without zeros before.
-    let number = |name: &String| name.parse::<u32>().ok().filter(|own| own.to_string() == *name);
+    let number =
+        |name: &String| name.parse::<u32>().ok().filter(|number| number.to_string() == *name);
     let mut numbers: Vec<_> = names.filter_map(|name| number(&name)).collect();
     numbers.sort_unstable();
     numbers
@@ -85,12 +86,12 @@ pub(super) fn without_camera(folder: &Folder, path: &Path, views: &[NamedView]) 
     if let more @ 1.. = found.len().saturating_sub(MOST_NAMES) {
         names.push(format!("{more} more"));
     }
-    let said = match found.len() {
+    let message = match found.len() {
         0 => return None,
         1 => "1 image has no camera, and is left out".to_owned(),
         count => format!("{count} images have no camera, and are left out"),
     };
-    Some(format!("{}: {said}: {}", path.display(), names.join(", ")))
+    Some(format!("{}: {message}: {}", path.display(), names.join(", ")))
 }
 
 /// Adds the images in a folder and in those inside it. Links to folders are not followed.

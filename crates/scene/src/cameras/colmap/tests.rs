@@ -189,8 +189,8 @@ fn text_files_that_are_broken_are_refused_with_their_line() {
         ("1 PINHOLE 4", "a height is missing"),
         ("1 PINHOLE 4 2 1 1 1 1\n1 PINHOLE 4 2 1 1 1 1", "1 is repeated"),
     ] {
-        let said = text_files(cameras, "").unwrap_err().to_string();
-        assert!(said.contains(rule), "{said}");
+        let message = text_files(cameras, "").unwrap_err().to_string();
+        assert!(message.contains(rule), "{message}");
     }
     let camera = "1 PINHOLE 4 2 1 1 1 1";
     for (images, rule) in [
@@ -216,8 +216,8 @@ fn text_files_that_are_broken_are_refused_with_their_line() {
             "images.txt:4: after an image's line",
         ),
     ] {
-        let said = text_files(camera, images).unwrap_err().to_string();
-        assert!(said.contains(rule), "{said}");
+        let message = text_files(camera, images).unwrap_err().to_string();
+        assert!(message.contains(rule), "{message}");
     }
     let (_place, folder) = scene(
         &[("cameras.txt", camera), ("images.txt", "1 1 0 0 0 0 0 2 1 ../../etc/passwd")],
@@ -231,32 +231,36 @@ fn text_files_that_are_broken_are_refused_with_their_line() {
         ("1 2 3 4 5 6 7\n1 2 3 4 5 6 7", "and 1 is repeated"),
     ] {
         let (_place, folder) = scene(&[("points3D.txt", points)], &[]);
-        let said = read_colmap_points(&folder, "").unwrap_err().to_string();
-        assert!(said.contains(rule), "{said}");
+        let message = read_colmap_points(&folder, "").unwrap_err().to_string();
+        assert!(message.contains(rule), "{message}");
     }
 }
 
 #[test]
 fn counts_beyond_the_file_take_no_memory() {
     let huge = u64::MAX.to_le_bytes();
-    let said = |binary: &Binary| binary_files(binary).unwrap_err().to_string();
+    let message = |binary: &Binary| binary_files(binary).unwrap_err().to_string();
     for count in [huge, (1_u64 << 40).to_le_bytes(), 6_u64.to_le_bytes()] {
         let mut cameras = binary();
         cameras.cameras[..8].copy_from_slice(&count);
-        assert!(said(&cameras).contains("cameras.bin: byte "), "{}", said(&cameras));
+        assert!(message(&cameras).contains("cameras.bin: byte "), "{}", message(&cameras));
         let mut images = binary();
         images.images[..8].copy_from_slice(&count);
-        assert!(said(&images).contains("images.bin: byte "), "{}", said(&images));
+        assert!(message(&images).contains("images.bin: byte "), "{}", message(&images));
     }
     let mut cameras = binary();
     cameras.cameras[..8].copy_from_slice(&huge);
     let rule = "byte 8: at most 6 records fit in the bytes that are left, and their count is";
-    assert!(said(&cameras).contains(rule), "{}", said(&cameras));
+    assert!(message(&cameras).contains(rule), "{}", message(&cameras));
     // The count of the first image's features: two, before its bytes of 255.
     let mut images = binary();
     let at = images.images.windows(6).position(|window| window == b"c.png\0").unwrap() + 6;
     images.images[at..at + 8].copy_from_slice(&huge);
-    assert!(said(&images).contains("and their count is 18446744073709551615"), "{}", said(&images));
+    assert!(
+        message(&images).contains("and their count is 18446744073709551615"),
+        "{}",
+        message(&images)
+    );
     // Models by their numbers.
     for (model, name) in [
         (7_u32, "FOV"),
@@ -266,13 +270,17 @@ fn counts_beyond_the_file_take_no_memory() {
     ] {
         let mut cameras = binary();
         cameras.cameras[12..16].copy_from_slice(&model.to_le_bytes());
-        assert!(said(&cameras).contains(&format!("and this is {name}")), "{}", said(&cameras));
+        assert!(
+            message(&cameras).contains(&format!("and this is {name}")),
+            "{}",
+            message(&cameras)
+        );
     }
 }
 
 #[test]
 fn files_that_are_cut_short_have_an_answer_at_each_length() {
-    let (whole, place) = (binary(), Place::of("file"));
+    let (whole, place) = (binary(), Place::new("file"));
     for length in 0..whole.cameras.len() {
         assert!(binary::lenses(&whole.cameras[..length], &place).is_err(), "{length}");
     }
@@ -299,7 +307,7 @@ fn files_that_are_cut_short_have_an_answer_at_each_length() {
 
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
-    let (whole, place) = (binary(), Place::of("file"));
+    let (whole, place) = (binary(), Place::new("file"));
     let changed = |file: &[u8], at: usize, value: u8| {
         let mut file = file.to_vec();
         file[at] = value;
@@ -372,8 +380,8 @@ fn the_largest_model_is_taken_and_all_are_named() {
     let flat = read_colmap(&folder, "flat", "images").unwrap();
     let without = "images: 2 images have no camera, and are left out: c.png, sub/x.png";
     assert_eq!((flat.views.len(), flat.notes), (1, vec![without.to_owned()]));
-    let said = read_colmap(&folder, "images", "images").unwrap_err().to_string();
-    assert!(said.contains("images/cameras.txt could not be read"), "{said}");
+    let message = read_colmap(&folder, "images", "images").unwrap_err().to_string();
+    assert!(message.contains("images/cameras.txt could not be read"), "{message}");
 }
 
 #[test]

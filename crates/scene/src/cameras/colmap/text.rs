@@ -27,8 +27,8 @@ impl<'t> Record<'t> {
     /// The next number.
     fn number<N: FromStr>(&mut self, what: &str) -> Result<N, SceneError> {
         let word = self.word(what)?;
-        let found = format!("{what} is a number in its range, and this is {word:?}");
-        word.parse().map_err(|_| self.error(found))
+        let message = format!("{what} is a number in its range, and this is {word:?}");
+        word.parse().map_err(|_| self.error(message))
     }
 
     fn vector(&mut self, names: [&str; 3]) -> Result<DVec3, SceneError> {
@@ -63,7 +63,7 @@ pub(super) fn lenses(text: &str, place: &Place) -> Result<Vec<Lens>, SceneError>
         while record.rest.clone().next().is_some() && parameters.len() <= 16 {
             parameters.push(record.number("a camera's parameter")?);
         }
-        let camera = camera(model, size, &parameters).map_err(|found| record.error(found))?;
+        let camera = camera(model, size, &parameters).map_err(|message| record.error(message))?;
         Ok(Lens { number, camera })
     };
     records(text, place).map(lens).collect()

@@ -45,16 +45,16 @@ fn a_lens_follows_brown_with_the_coefficients_in_opencvs_order() {
     // x = 1/2 and y = 1/4, r^2 = 5/16.
     let point = [1.0, 0.5, 2.0];
     let s = 0.3125;
-    let of = |x: f64, y: f64| [49.5 + 100.0 * x, 39.5 + 100.0 * y];
-    assert_seen(&camera([0.0; 5]), point, of(0.5, 0.25));
-    assert_seen(&camera([0.4, 0.0, 0.0, 0.0, 0.0]), point, of(0.5625, 0.281_25));
+    let pixel = |x: f64, y: f64| [49.5 + 100.0 * x, 39.5 + 100.0 * y];
+    assert_seen(&camera([0.0; 5]), point, pixel(0.5, 0.25));
+    assert_seen(&camera([0.4, 0.0, 0.0, 0.0, 0.0]), point, pixel(0.5625, 0.281_25));
     let f = 1.0 + 0.5 * s * s;
-    assert_seen(&camera([0.0, 0.5, 0.0, 0.0, 0.0]), point, of(0.5 * f, 0.25 * f));
+    assert_seen(&camera([0.0, 0.5, 0.0, 0.0, 0.0]), point, pixel(0.5 * f, 0.25 * f));
     let f = 1.0 + 0.5 * s * s * s;
-    assert_seen(&camera([0.0, 0.0, 0.0, 0.0, 0.5]), point, of(0.5 * f, 0.25 * f));
+    assert_seen(&camera([0.0, 0.0, 0.0, 0.0, 0.5]), point, pixel(0.5 * f, 0.25 * f));
     // 2 x y = 1/4, r^2 + 2 y^2 = 7/16, r^2 + 2 x^2 = 13/16.
-    assert_seen(&camera([0.0, 0.0, 0.1, 0.0, 0.0]), point, of(0.525, 0.293_75));
-    assert_seen(&camera([0.0, 0.0, 0.0, 0.2, 0.0]), point, of(0.6625, 0.3));
+    assert_seen(&camera([0.0, 0.0, 0.1, 0.0, 0.0]), point, pixel(0.525, 0.293_75));
+    assert_seen(&camera([0.0, 0.0, 0.0, 0.2, 0.0]), point, pixel(0.6625, 0.3));
 }
 
 #[test]

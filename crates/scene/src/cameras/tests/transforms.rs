@@ -33,8 +33,8 @@ fn one(common: &str, own: &str) -> Result<Camera, SceneError> {
 
 #[track_caller]
 fn assert_said(found: Result<Camera, SceneError>, rule: &str) {
-    let said = found.unwrap_err().to_string();
-    assert!(said.contains(rule) && said.contains("t.json"), "{said}");
+    let message = found.unwrap_err().to_string();
+    assert!(message.contains(rule) && message.contains("t.json"), "{message}");
 }
 
 #[test]
@@ -124,9 +124,12 @@ fn what_is_no_camera_is_refused_with_the_rule() {
     );
     let fisheye = r#", "is_fisheye": true, "p2": 0.1"#;
     assert_said(one(focal, fisheye), "a fisheye has k1, k2, k3 and k4, and p2 is 0.1");
-    for (own, said) in [("OPENCV", true), ("OPENCV_FISHEYE", false)] {
-        let keys = format!(r#", "camera_model": "{own}", "is_fisheye": {said}"#);
-        assert_said(one(focal, &keys), &format!("camera_model is {own}, and is_fisheye is {said}"));
+    for (own, message) in [("OPENCV", true), ("OPENCV_FISHEYE", false)] {
+        let keys = format!(r#", "camera_model": "{own}", "is_fisheye": {message}"#);
+        assert_said(
+            one(focal, &keys),
+            &format!("camera_model is {own}, and is_fisheye is {message}"),
+        );
     }
     for key in ["ftheta_p0", "ftheta_p4"] {
         assert_said(one(&format!(r#""{key}": 0.5, {focal}"#), ""), key);
@@ -138,9 +141,9 @@ fn what_is_no_camera_is_refused_with_the_rule() {
         ("from_mitsuba", "true"),
         ("from_na", "true"),
     ] {
-        let said = format!("and {key} says something else");
-        assert_said(one(&format!(r#""{key}": {value}, {focal}"#), ""), &said);
-        assert_said(one(focal, &format!(r#", "{key}": {value}"#)), &said);
+        let message = format!("and {key} says something else");
+        assert_said(one(&format!(r#""{key}": {value}, {focal}"#), ""), &message);
+        assert_said(one(focal, &format!(r#", "{key}": {value}"#)), &message);
     }
     let nothing = r#""latlong": false, "rolling_shutter": [0, 0, 0.0, 0], "from_na": null,"#;
     assert_eq!(one(&format!("{focal} {nothing}"), "").unwrap(), one(focal, "").unwrap());
@@ -195,8 +198,8 @@ fn broken_json_is_refused_with_its_line_and_column() {
         ("", "t.json:1: a file of cameras is JSON with frames: the text ends"),
         ("[1, 2", "t.json:1:"),
     ] {
-        let said = read(text).unwrap_err().to_string();
-        assert!(said.contains(expected), "{said}");
+        let message = read(text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
     }
     let deep = format!("{{\"x\": {}", "[".repeat(1_000_000));
     assert!(read(&deep).is_err());
@@ -286,12 +289,12 @@ fn keys_that_nobody_knows_are_named_in_a_note() {
     let of_frame = r#", "rotation": 0.01, "sharpness": 30.1, "colmap_im_id": 2,
         "depth_file_path": "d.png""#;
     assert_eq!(notes(known, of_frame), Vec::<String>::new());
-    let said = notes(r#""white_transparent": true, "lens": 3,"#, r#", "time": 0.5"#);
+    let message = notes(r#""white_transparent": true, "lens": 3,"#, r#", "time": 0.5"#);
     let rules = [
         r#"keys of the file that are not known are left out: "lens", "white_transparent""#,
         r#"keys of frames that are not known are left out: "time""#,
     ];
-    assert_eq!(said, rules);
+    assert_eq!(message, rules);
     let many: String = (10..40).map(|k| format!(r#""x{k}": 0,"#)).collect();
     assert!(notes(&many, "")[0].ends_with(r#""x21", 18 more"#), "{:?}", notes(&many, ""));
 }

@@ -240,9 +240,9 @@ impl<'r> GltfFile<'r, '_> {
         let end = (count - 1).checked_mul(stride).and_then(|last| last.checked_add(size));
         let end = end.and_then(|length| length.checked_add(offset));
         if end.is_none_or(|end| end > bytes.len() as u64) {
-            let found = format!("{count} elements of {stride} bytes from byte {offset} on");
+            let message = format!("{count} elements of {stride} bytes from byte {offset} on");
             let rule = format!("elements lie in {} bytes of a view, and these are", bytes.len());
-            return Err(numbered.error(self, format!("{rule} {found}")));
+            return Err(numbered.error(self, format!("{rule} {message}")));
         }
         let (offset, stride, size) = (offset as usize, stride as usize, size as usize);
         for (k, element) in bytes[offset..].chunks(stride).take(count as usize).enumerate() {

@@ -95,8 +95,8 @@ impl<'r, 'f> GltfFile<'r, 'f> {
         };
         let length = buffer.byte_length.0;
         if length > bytes.len() as u64 {
-            let found = format!("buffer {number} has {} of {length}", bytes.len());
-            return Err(self.error(format!("a buffer has the bytes that it says, and {found}")));
+            let message = format!("buffer {number} has {} of {length}", bytes.len());
+            return Err(self.error(format!("a buffer has the bytes that it says, and {message}")));
         }
         self.buffers[number] = Some(bytes.clone());
         Ok(bytes)
@@ -126,8 +126,8 @@ impl<'r, 'f> GltfFile<'r, 'f> {
         let (begin, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
         let end = begin.checked_add(length).filter(|&end| end <= buffer.len() as u64);
         let Some(end) = end else {
-            let found = format!("view {number} has {length} from {begin} on of {}", buffer.len());
-            return Err(self.error(format!("a buffer view has bytes of its buffer, and {found}")));
+            let message = format!("view {number} has {length} from {begin} on of {}", buffer.len());
+            return Err(self.error(format!("a buffer view has bytes of its buffer, and {message}")));
         };
         let (begin, end) = (begin as usize, end as usize);
         let stride = view.byte_stride.map(|stride| stride.0);

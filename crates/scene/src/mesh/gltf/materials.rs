@@ -128,8 +128,8 @@ fn image_of(
     let root = file.root;
     let (number, count) = (index.value(), root.textures.len());
     let Some(texture) = root.textures.get(number) else {
-        let found = format!("the file has {count} textures, and a material names {number}");
-        return Err(file.error(found));
+        let message = format!("the file has {count} textures, and a material names {number}");
+        return Err(file.error(message));
     };
     // So the library has a texture without an image.
     let (number, count) = (texture.source.value(), root.images.len());

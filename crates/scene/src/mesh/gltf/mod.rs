@@ -62,7 +62,7 @@ const KNOWN: [&str; 4] =
 /// The model of a glTF file with these bytes.
 pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
     let place = context.place();
-    let refused = |found: String| SceneError::content(place.clone(), found);
+    let refused = |message: String| SceneError::content(place.clone(), message);
     let is_binary = bytes.starts_with(MAGIC);
     let (text, chunk) = match is_binary {
         true => {
@@ -133,9 +133,9 @@ fn check_extensions(root: &json::Root, context: &MeshContext<'_>) -> Result<(), 
     let is_known = |extension: &&String| KNOWN.iter().any(|known| extension.starts_with(known));
     let mut unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
     if let Some(extension) = unknown.next() {
-        let found = format!("the file requires {:?}", name(extension));
-        let found = format!("a required extension is one that is read, and {found}");
-        return Err(context.error(found));
+        let message = format!("the file requires {:?}", name(extension));
+        let message = format!("a required extension is one that is read, and {message}");
+        return Err(context.error(message));
     }
     Ok(())
 }

@@ -29,8 +29,8 @@ impl<'r> Nodes<'r> {
         for (number, node) in root.nodes.iter().enumerate() {
             for child in children(node) {
                 let Some(has_parent) = has_parent.get_mut(child) else {
-                    let found = format!("node {number} names child {child}");
-                    return Err(format!("the file has {count} nodes, and {found}"));
+                    let message = format!("node {number} names child {child}");
+                    return Err(format!("the file has {count} nodes, and {message}"));
                 };
                 if std::mem::replace(has_parent, true) {
                     let rule = "a node is the child of one node at most";
@@ -56,8 +56,8 @@ impl<'r> Nodes<'r> {
             return Err(format!("the file has {scenes} scenes, and the default one is {number}"));
         };
         if root.scene.is_none() && scenes > 1 {
-            let found = format!("the file has {scenes} scenes, and none is the default one");
-            notes.add(format!("{found}: the first was read"));
+            let message = format!("the file has {scenes} scenes, and none is the default one");
+            notes.add(format!("{message}: the first was read"));
         }
         let tops: Vec<usize> = scene.nodes.iter().map(|node| node.value()).collect();
         let mut is_top = vec![false; count];

@@ -54,21 +54,22 @@ impl<'r> Posed<'r> {
     /// Where the pose has the vertices.
     pub(super) fn vertices(
         self,
-        own: Vertices,
+        vertices: Vertices,
         file: &mut GltfFile<'_, '_>,
     ) -> Result<Vertices, SceneError> {
         self.note(file);
         if !self.moves() {
-            return Ok(own);
+            return Ok(vertices);
         }
-        let count = own.positions.len();
-        let attributes =
-            1 + usize::from(own.normals.is_some()) + 2 * usize::from(own.tangents.is_some());
+        let count = vertices.positions.len();
+        let attributes = 1
+            + usize::from(vertices.normals.is_some())
+            + 2 * usize::from(vertices.tangents.is_some());
         // In f64, and rounded again.
         file.spend(count as u64, attributes * size_of::<[f64; 6]>())?;
-        let mut positions = wide(&own.positions);
-        let mut normals = own.normals.as_ref().map(|rows| wide(rows));
-        let mut tangents = own.tangents.as_ref().map(|rows| wide(rows));
+        let mut positions = wide(&vertices.positions);
+        let mut normals = vertices.normals.as_ref().map(|rows| wide(rows));
+        let mut tangents = vertices.tangents.as_ref().map(|rows| wide(rows));
         for (weight, target) in self.weighted() {
             add(weight, target.positions, Some(&mut positions), file)?;
             add(weight, target.normals, normals.as_mut(), file)?;

@@ -44,10 +44,10 @@ impl Poses {
         for number in nodes.read() {
             let node = &root.nodes[number];
             let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
-            let Some(own) = root.meshes.get(mesh) else {
+            let Some(shown) = root.meshes.get(mesh) else {
                 let count = root.meshes.len();
-                let found = format!("the file has {count} meshes, and node {number} has {mesh}");
-                return Err(file.error(found));
+                let message = format!("the file has {count} meshes, and node {number} has {mesh}");
+                return Err(file.error(message));
             };
             is_shown[mesh] = true;
             let skin = match node.skin.map(|skin| skin.value()) {
@@ -62,12 +62,12 @@ impl Poses {
                     }
                 }),
             };
-            let weights = node.weights.as_ref().or(own.weights.as_ref());
+            let weights = node.weights.as_ref().or(shown.weights.as_ref());
             let pose = poses.add(&mut numbers, mesh, weights, skin);
             poses.of_nodes.insert(number, pose);
         }
-        for (mesh, own) in root.meshes.iter().enumerate().filter(|(mesh, _)| !is_shown[*mesh]) {
-            poses.add(&mut numbers, mesh, own.weights.as_ref(), None);
+        for (mesh, shown) in root.meshes.iter().enumerate().filter(|(mesh, _)| !is_shown[*mesh]) {
+            poses.add(&mut numbers, mesh, shown.weights.as_ref(), None);
         }
         poses.sort();
         Ok(poses)

@@ -101,7 +101,9 @@ pub(super) fn read(
             let posed = Posed { primitive, pose, skins: &poses.skins };
             let found = Drawn::new(posed, index, mapped, file);
             drawn.extend(
-                found.map_err(|error| in_mesh(error, number, Some(k)))?.map(|own| (k, own)),
+                found
+                    .map_err(|error| in_mesh(error, number, Some(k)))?
+                    .map(|primitive| (k, primitive)),
             );
         }
         let keys: Vec<Key> = drawn.iter().map(|(_, drawn)| drawn.key).collect();
@@ -130,10 +132,10 @@ pub(super) fn read(
 
 /// An error of a mesh's primitive, or of the mesh.
 fn in_mesh(error: SceneError, mesh: usize, primitive: Option<usize>) -> SceneError {
-    let of = primitive.map_or(String::new(), |primitive| format!(", primitive {primitive}"));
+    let suffix = primitive.map_or(String::new(), |primitive| format!(", primitive {primitive}"));
     match error {
         SceneError::Content { place, message } => {
-            SceneError::Content { place, message: format!("mesh {mesh}{of}: {message}") }
+            SceneError::Content { place, message: format!("mesh {mesh}{suffix}: {message}") }
         }
         other => other,
     }

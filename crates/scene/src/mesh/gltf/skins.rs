@@ -51,8 +51,8 @@ impl Skin {
         for joint in &skin.joints {
             let Some(matrix) = world.get(joint.value()) else {
                 let (count, joint) = (world.len(), joint.value());
-                let found = format!("skin {number} has the joint {joint}");
-                return Err(file.error(format!("the file has {count} nodes, and {found}")));
+                let message = format!("skin {number} has the joint {joint}");
+                return Err(file.error(format!("the file has {count} nodes, and {message}")));
             };
             joints.push(*matrix);
         }
@@ -60,9 +60,9 @@ impl Skin {
             let rows = file.rows::<16>(index, &[16], false)?;
             if rows.len() < joints.len() {
                 let (count, found) = (joints.len(), rows.len());
-                let found = format!("skin {number} has {found} for {count} joints");
+                let message = format!("skin {number} has {found} for {count} joints");
                 return Err(
-                    file.error(format!("each joint has an inverse bind matrix, and {found}"))
+                    file.error(format!("each joint has an inverse bind matrix, and {message}"))
                 );
             }
             for (joint, row) in joints.iter_mut().zip(rows) {
@@ -70,8 +70,8 @@ impl Skin {
             }
         }
         if let Some(joint) = joints.iter().position(|joint| !joint.is_finite()) {
-            let found = format!("that of joint {joint} of skin {number} is not");
-            return Err(file.error(format!("the matrix of a joint is finite, and {found}")));
+            let message = format!("that of joint {joint} of skin {number} is not");
+            return Err(file.error(format!("the matrix of a joint is finite, and {message}")));
         }
         Ok(Self { number, joints })
     }
@@ -115,16 +115,16 @@ impl Skin {
                     // A weight that is NaN is refused, too.
                     if !(weight >= 0.0 && weight.is_finite()) {
                         let rule = "a weight is finite and not below 0";
-                        let found = format!("{rule}, and one of vertex {vertex} is {weight}");
-                        return error(file, found);
+                        let message = format!("{rule}, and one of vertex {vertex} is {weight}");
+                        return error(file, message);
                     }
                     if weight == 0.0 {
                         continue;
                     }
                     let Some(matrix) = self.joints.get(joint as usize) else {
                         let rule = format!("it has {} joints", self.joints.len());
-                        let found = format!("{rule}, and vertex {vertex} names joint {joint}");
-                        return error(file, found);
+                        let message = format!("{rule}, and vertex {vertex} names joint {joint}");
+                        return error(file, message);
                     };
                     let (sum, total) = &mut sums[vertex];
                     *sum += *matrix * f64::from(weight);

@@ -41,7 +41,7 @@ const OPTIONS: [(&str, usize, usize, &[&str]); 13] = [
 impl Map {
     /// The image with these arguments; nothing where no path is among them. Options stand before the path,
     /// and some programs write them after it.
-    pub(super) fn of(arguments: &str) -> Option<Self> {
+    pub(super) fn parse(arguments: &str) -> Option<Self> {
         let mut map = Self { factor: 1.0, ..Self::default() };
         let file = map.options(arguments.trim());
         let mut ends = file.match_indices(" -").map(|(at, _)| at);

@@ -117,7 +117,7 @@ fn read_file(
             context.notes.add(note);
         }
     };
-    for (number, line) in Statements::of(&text(&bytes, &Place::of(&path))?) {
+    for (number, line) in Statements::new(&text(&bytes, &Place::new(&path))?) {
         let Some(keyword) = line.split_whitespace().next() else { continue };
         let arguments = rest(&line, keyword);
         match (&*keyword.to_ascii_lowercase(), &mut current) {
@@ -159,8 +159,8 @@ impl Described {
                         1 => Some([r; 3]),
                         3 => Some([r, g, b]),
                         _ => {
-                            let found = format!("Kd has three numbers, and this has {count}");
-                            return Err(SceneError::content(place(), found));
+                            let message = format!("Kd has three numbers, and this has {count}");
+                            return Err(SceneError::content(place(), message));
                         }
                     };
                 }
@@ -170,11 +170,11 @@ impl Described {
             "tr" => self.opacity = number()?.map(|number| 1.0 - number).or(self.opacity),
             "pm" => self.metallic = number()?.or(self.metallic),
             "pr" => self.roughness = number()?.or(self.roughness),
-            "map_kd" => self.color_map = Map::of(arguments),
-            "map_pm" => self.metallic_map = Map::of(arguments),
-            "map_pr" => self.roughness_map = Map::of(arguments),
+            "map_kd" => self.color_map = Map::parse(arguments),
+            "map_pm" => self.metallic_map = Map::parse(arguments),
+            "map_pr" => self.roughness_map = Map::parse(arguments),
             "norm" => {
-                self.normal_map = Map::of(arguments);
+                self.normal_map = Map::parse(arguments);
                 if let Some(map) = self.normal_map.as_mut().filter(|map| map.factor != 1.0) {
                     map.left_out.retain(|&option| option != "-bm");
                 }

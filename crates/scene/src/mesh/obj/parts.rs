@@ -66,7 +66,7 @@ impl Parts {
         let (mut object, mut objects, mut material) = (String::new(), 0_usize, None);
         let (mut by_name, mut by_object) = (HashMap::new(), HashMap::new());
         let mut corners = Vec::new();
-        for (number, line) in Statements::of(text) {
+        for (number, line) in Statements::new(text) {
             let mut words = line.split_whitespace();
             match words.next() {
                 Some("v") => parts.vertex(words, number, context)?,
@@ -160,7 +160,7 @@ impl Parts {
             part.polygons.cut(&self.positions, &mut [positions, coordinates, normals], notes);
         }
         let named = self.list.iter().flat_map(|part| part.faces[0].iter().flatten().copied());
-        self.near = Near::of(&mem::take(&mut self.positions), named, notes);
+        self.near = Near::new(&mem::take(&mut self.positions), named, notes);
         let colors = mem::take(&mut self.colors);
         let space = space.unwrap_or(ColorSpace::Srgb);
         self.colors = colors::linear(colors, Written::Fractions, space, notes);
@@ -192,8 +192,8 @@ impl Parts {
             _ => {}
         }
         if !position.iter().all(|&x| (x as f32).is_finite()) {
-            let found = format!("a position is finite, and this is {position:?}");
-            return Err(context.error_in(number, found));
+            let message = format!("a position is finite, and this is {position:?}");
+            return Err(context.error_in(number, message));
         }
         // With the first colour the vertices before it turn out to have none.
         if count >= 6 {
@@ -216,7 +216,7 @@ impl Parts {
     ) -> Result<(), SceneError> {
         let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
         for word in words.take_while(|word| !word.starts_with('#')) {
-            let refused = |found: String| context.error_in(line, found);
+            let refused = |message: String| context.error_in(line, message);
             let mut corner = [NO_ROW; 3];
             for (k, part) in word.split('/').enumerate() {
                 let Some(slot) = corner.get_mut(k) else {
@@ -232,9 +232,9 @@ impl Parts {
                     // With 0 it is -1.
                     Ok(number) => number - 1,
                     Err(_) => {
-                        let found =
+                        let message =
                             format!("a corner has whole numbers, and this is {:?}", name(word));
-                        return Err(refused(found));
+                        return Err(refused(message));
                     }
                 };
                 *slot = match u32::try_from(row) {
@@ -260,9 +260,9 @@ impl Parts {
             // No line has named any where it is 0.
             if line > 0 && row as usize >= counts[k] {
                 let (what, count) = (NAMED[k], counts[k]);
-                let found = format!("a face names number {}", u64::from(row) + 1);
-                let found = format!("the file has {count} of the kind {what:?}, and {found}");
-                return Err(context.error_in(line, found));
+                let message = format!("a face names number {}", u64::from(row) + 1);
+                let message = format!("the file has {count} of the kind {what:?}, and {message}");
+                return Err(context.error_in(line, message));
             }
         }
         Ok(())
@@ -320,11 +320,11 @@ impl Parts {
             let begin = end;
             end += part.faces[0].len();
             submeshes.push(Submesh { material, faces: begin..end });
-            for (all, own) in faces.iter_mut().zip(self.whole(part, notes)) {
-                all.push(own);
+            for (all, whole) in faces.iter_mut().zip(self.whole(part, notes)) {
+                all.push(whole);
             }
         }
-        let [positions, coordinates, normals, colors] = faces.map(|own| joined(&own, parts));
+        let [positions, coordinates, normals, colors] = faces.map(|faces| joined(&faces, parts));
         Raw {
             name: parts.first().map_or(String::new(), |part| part.name.clone()),
             submeshes,
@@ -396,14 +396,14 @@ fn join(leads: &mut [usize], a: usize, b: usize) {
 }
 
 /// The faces of all parts, [`NO_ROW`] where a part has none; nothing where none has.
-fn joined<'a>(own: &[Option<&'a [[u32; 3]]>], parts: &[&Part]) -> Option<Cow<'a, [[u32; 3]]>> {
-    if let [only] = own {
+fn joined<'a>(faces: &[Option<&'a [[u32; 3]]>], parts: &[&Part]) -> Option<Cow<'a, [[u32; 3]]>> {
+    if let [only] = faces {
         return only.map(Cow::Borrowed);
     }
-    own.iter().any(Option::is_some).then(|| {
-        let all = own.iter().zip(parts).flat_map(|(own, part)| {
-            let none = if own.is_none() { part.faces[0].len() } else { 0 };
-            own.unwrap_or_default().iter().copied().chain(repeat_n([NO_ROW; 3], none))
+    faces.iter().any(Option::is_some).then(|| {
+        let all = faces.iter().zip(parts).flat_map(|(faces, part)| {
+            let none = if faces.is_none() { part.faces[0].len() } else { 0 };
+            faces.unwrap_or_default().iter().copied().chain(repeat_n([NO_ROW; 3], none))
         });
         Cow::Owned(all.collect())
     })
@@ -418,8 +418,8 @@ fn check_count(
 ) -> Result<(), SceneError> {
     match count < least {
         true => {
-            let found = format!("{what} has {least} numbers or more, and this has {count}");
-            Err(context.error_in(line, found))
+            let message = format!("{what} has {least} numbers or more, and this has {count}");
+            Err(context.error_in(line, message))
         }
         false => Ok(()),
     }

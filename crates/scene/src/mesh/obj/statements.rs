@@ -14,7 +14,7 @@ pub(super) struct Statements<'t> {
 }
 
 impl<'t> Statements<'t> {
-    pub(super) fn of(text: &'t str) -> Self {
+    pub(super) fn new(text: &'t str) -> Self {
         Self { lines: text.lines(), number: 0 }
     }
 }
@@ -62,13 +62,13 @@ where
             // In the end they are those of `f32`.
             Ok(number) if (number.into() as f32).is_finite() => number,
             _ => {
-                let found = format!("{what} has finite numbers, and {:?} is none", name(word));
-                return Err(SceneError::content(place(), found));
+                let message = format!("{what} has finite numbers, and {:?} is none", name(word));
+                return Err(SceneError::content(place(), message));
             }
         };
         let Some(number) = numbers.get_mut(count) else {
-            let found = format!("{what} has at most {N} numbers, and there are more");
-            return Err(SceneError::content(place(), found));
+            let message = format!("{what} has at most {N} numbers, and there are more");
+            return Err(SceneError::content(place(), message));
         };
         *number = found;
         count += 1;
@@ -80,8 +80,8 @@ where
 /// the mesh is not.
 pub(super) fn text<'b>(bytes: &'b [u8], place: &Place) -> Result<Cow<'b, str>, SceneError> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        let found = "text is UTF-8, and this is UTF-16";
-        return Err(SceneError::content(place.clone(), found));
+        let message = "text is UTF-8, and this is UTF-16";
+        return Err(SceneError::content(place.clone(), message));
     }
     Ok(String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)))
 }

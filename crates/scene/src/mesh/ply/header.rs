@@ -34,7 +34,7 @@ pub(super) enum Number {
 }
 
 impl Number {
-    fn of(name: &str) -> Option<Self> {
+    fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
             "uchar" | "uint8" => Self::U8,
@@ -103,7 +103,7 @@ pub(super) struct Header {
 impl Header {
     /// That of a file with these bytes.
     pub(super) fn read(bytes: &[u8], context: &MeshContext<'_>) -> Result<Self, SceneError> {
-        let refused = |found: String| context.error(found);
+        let refused = |message: String| context.error(message);
         if !bytes.starts_with(b"ply") {
             return Err(refused(
                 "a PLY file begins with the line ply, and this does not".to_owned(),
@@ -133,15 +133,15 @@ impl Header {
                     }
                     Err(found) => Err(found),
                 },
-                Some("element") => Element::of(words).and_then(|own| {
-                    let found = is_new(&mut names, 0, &own.name, "elements");
-                    elements.push(own);
+                Some("element") => Element::parse(words).and_then(|parse| {
+                    let found = is_new(&mut names, 0, &parse.name, "elements");
+                    elements.push(parse);
                     found
                 }),
-                Some("property") => Property::of(words).and_then(|own| {
-                    let found = is_new(&mut names, elements.len(), &own.name, "properties");
+                Some("property") => Property::parse(words).and_then(|parse| {
+                    let found = is_new(&mut names, elements.len(), &parse.name, "properties");
                     let rule = "a property follows its element, and this has none";
-                    elements.last_mut().ok_or(rule)?.properties.push(own);
+                    elements.last_mut().ok_or(rule)?.properties.push(parse);
                     found
                 }),
                 Some("comment") => {
@@ -158,7 +158,7 @@ impl Header {
                     Err(format!("{rule}, and this begins with {:?}", name(other)))
                 }
             };
-            found.map_err(|found| context.error_in(lines, found))?;
+            found.map_err(|message| context.error_in(lines, message))?;
         }
         let Some(encoding) = encoding else {
             let rule = "a header has a line that begins with format";
@@ -186,25 +186,26 @@ impl Header {
     fn check_counts(&self, left: usize) -> Result<(), String> {
         let is_ascii = self.encoding == Encoding::Ascii;
         let mut needed = 0_u64;
-        for Element { name: own, count, properties } in &self.elements {
+        for Element { name: element_name, count, properties } in &self.elements {
             let least: usize = match is_ascii {
                 // A digit and what separates it from the next.
                 true => 2 * properties.len(),
                 // A list may be empty.
-                false => {
-                    properties.iter().map(|own| own.length.unwrap_or(own.number).bytes()).sum()
-                }
+                false => properties
+                    .iter()
+                    .map(|property| property.length.unwrap_or(property.number).bytes())
+                    .sum(),
             };
             if least == 0 && *count > 0 {
-                let found = format!("{:?} has {count} rows of none", name(own));
-                return Err(format!("an element has properties, and {found}"));
+                let message = format!("{:?} has {count} rows of none", name(element_name));
+                return Err(format!("an element has properties, and {message}"));
             }
             needed = needed.saturating_add((*count as u64).saturating_mul(least as u64));
         }
         // The last line of an ascii file may have no end.
         if needed > left as u64 + u64::from(is_ascii) {
-            let found = format!("need {needed} bytes, and {left} follow the header");
-            return Err(format!("the elements' rows {found}"));
+            let message = format!("need {needed} bytes, and {left} follow the header");
+            return Err(format!("the elements' rows {message}"));
         }
         Ok(())
     }
@@ -214,51 +215,51 @@ impl Header {
 fn is_new(
     names: &mut HashSet<(usize, String)>,
     part: usize,
-    own: &str,
+    key: &str,
     what: &str,
 ) -> Result<(), String> {
-    match names.insert((part, own.to_owned())) {
+    match names.insert((part, key.to_owned())) {
         true => Ok(()),
-        false => Err(format!("{what} have different names, and {:?} is repeated", name(own))),
+        false => Err(format!("{what} have different names, and {:?} is repeated", name(key))),
     }
 }
 
 impl Element {
     /// That of the words after the first one of its line.
-    fn of<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
+    fn parse<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
         let words: Vec<&str> = words.collect();
         let rule = "an element has a name and a count";
-        let [own, count] = words[..] else {
+        let [word, count] = words[..] else {
             return Err(format!("{rule}, and this has {} words", words.len()));
         };
         let Ok(count) = count.parse() else {
             return Err(format!("{rule}, and {:?} is no count", name(count)));
         };
-        Ok(Self { name: own.to_owned(), count, properties: Vec::new() })
+        Ok(Self { name: word.to_owned(), count, properties: Vec::new() })
     }
 }
 
 impl Property {
     /// That of the words after the first one of its line.
-    fn of<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
+    fn parse<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
         let words: Vec<&str> = words.collect();
-        let (length, number, own) = match words[..] {
-            ["list", length, number, own] => (Some(length), number, own),
-            [number, own] => (None, number, own),
+        let (length, number, word) = match words[..] {
+            ["list", length, number, word] => (Some(length), number, word),
+            [number, word] => (None, number, word),
             _ => {
                 let rule = "a property is a type and a name, or list, two types and a name";
                 return Err(format!("{rule}, and this has {} words", words.len()));
             }
         };
-        let of = |word: &str| {
+        let parse_number = |word: &str| {
             let rule = "a type is char, uchar, short, ushort, int, uint, float or double, or int8 to \
                         uint32, float32 or float64";
-            Number::of(word).ok_or(format!("{rule}, and this is {:?}", name(word)))
+            Number::from_name(word).ok_or(format!("{rule}, and this is {:?}", name(word)))
         };
-        let (length, number) = (length.map(of).transpose()?, of(number)?);
+        let (length, number) = (length.map(parse_number).transpose()?, parse_number(number)?);
         if length.is_some_and(|length| length.range().is_none()) {
             return Err("the length of a list is a whole number, and this has fractions".to_owned());
         }
-        Ok(Self { name: own.to_owned(), number, length })
+        Ok(Self { name: word.to_owned(), number, length })
     }
 }

@@ -44,37 +44,37 @@ impl Materials {
         rows: &mut Rows<'_>,
         context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
-        let mut named = Named::of(element);
+        let mut named = Named::new(element);
         let color = named.colors(context);
         let [roughness, metallic, image] =
-            ["roughness", "metallic", "texnumber"].map(|own| named.scalars(&[[own]]));
+            ["roughness", "metallic", "texnumber"].map(|value| named.scalars(&[[value]]));
         named.note_others(context);
         let (mut found, mut colors) = (Vec::new(), Vec::new());
         rows.read(element, context, |row, number| {
-            let share = |own: Option<[usize; 1]>, what, usual| match own.map(|k| row.scalars(k)[0])
-            {
-                None => Ok(usual),
-                Some(own) if (0.0..=1.0).contains(&own) => Ok(own as f32),
-                Some(own) => {
-                    Err(format!("material {number} has {what} from 0 to 1, and this is {own}"))
-                }
-            };
-            colors.extend(color.map(|(own, _)| row.scalars(own).map(|x| x as f32)));
+            let share =
+                |value: Option<[usize; 1]>, what, usual| match value.map(|k| row.scalars(k)[0]) {
+                    None => Ok(usual),
+                    Some(value) if (0.0..=1.0).contains(&value) => Ok(value as f32),
+                    Some(value) => Err(format!(
+                        "material {number} has {what} from 0 to 1, and this is {value}"
+                    )),
+                };
+            colors.extend(color.map(|(value, _)| row.scalars(value).map(|x| x as f32)));
             found.push(Described {
                 color: [1.0; 3],
                 roughness: share(roughness, "roughness", 1.0)?,
                 metallic: share(metallic, "metallic", 0.0)?,
                 image: image
                     .map(|k| row.scalars(k)[0])
-                    .filter(|&own| own >= 0.0)
+                    .filter(|&value| value >= 0.0)
                     .map(|k| k as usize),
             });
             Ok(())
         })?;
         if let Some((_, written)) = color {
             let linear = colors::linear(colors, written, ColorSpace::Srgb, &mut context.notes);
-            for (own, color) in found.iter_mut().zip(linear) {
-                own.color = color;
+            for (value, color) in found.iter_mut().zip(linear) {
+                value.color = color;
             }
         }
         self.rows = Some(found);
@@ -107,8 +107,8 @@ impl Materials {
                 Some(None) => {
                     let count = images.len();
                     let rule = format!("the file names {count} images, and material {number} has");
-                    let found = format!("{rule} number {}", image.unwrap_or_default());
-                    return Err(context.error(found));
+                    let message = format!("{rule} number {}", image.unwrap_or_default());
+                    return Err(context.error(message));
                 }
             };
             Ok(MaterialFile {
@@ -147,11 +147,11 @@ pub(super) fn submeshes(
         return Err(format!("{rule}, and a face names number {number}"));
     }
     let mut end = 0;
-    let own = numbers.chunk_by(|a, b| a == b).map(|own| {
+    let runs = numbers.chunk_by(|a, b| a == b).map(|faces| {
         let begin = end;
-        end += own.len();
-        let material = (own[0] != NO_MATERIAL).then_some(own[0] as usize);
+        end += faces.len();
+        let material = (faces[0] != NO_MATERIAL).then_some(faces[0] as usize);
         Submesh { material, faces: begin..end }
     });
-    Ok(own.collect())
+    Ok(runs.collect())
 }

@@ -84,8 +84,8 @@ struct Contents {
 /// The model of a PLY file with these bytes.
 pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
     let header = Header::read(bytes, context)?;
-    let is_surface = |own: &&Element| matches!(&*own.name, "face" | "tristrips");
-    let found = match header.elements.iter().filter(is_surface).map(|own| own.count).max() {
+    let is_surface = |element: &&Element| matches!(&*element.name, "face" | "tristrips");
+    let found = match header.elements.iter().filter(is_surface).map(|element| element.count).max() {
         None => Some("a mesh has the element face, and this has none: it is a cloud of points"),
         Some(0) => Some("a mesh has faces, and this has 0"),
         Some(_) => None,
@@ -112,13 +112,13 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     let mut model = Model { materials, ..Model::default() };
     if model.materials.is_empty() {
         // Number 0 alone tells nothing apart.
-        if contents.materials.iter().any(|&own| own != NO_MATERIAL && own > 0) {
+        if contents.materials.iter().any(|&material| material != NO_MATERIAL && material > 0) {
             context.notes.add("faces name materials or images, and the file has none");
         }
         contents.materials.clear();
     }
     let submeshes = contents.submeshes(model.materials.len());
-    let submeshes = submeshes.map_err(|found| context.error(found))?;
+    let submeshes = submeshes.map_err(|message| context.error(message))?;
     let raw = contents.raw(submeshes, context.options.weld.unwrap_or(true));
     let geometry = Welder::default().weld(raw, &context.place(), &mut context.notes)?;
     let offset = contents.near.offset;
@@ -139,9 +139,9 @@ struct Opacity {
 }
 
 impl Opacity {
-    fn of(named: &mut Named<'_>) -> Self {
+    fn new(named: &mut Named<'_>) -> Self {
         let property = named.scalars(&OPACITIES);
-        let full = match property.map(|[own]| named.number(own)) {
+        let full = match property.map(|[property]| named.number(property)) {
             Some(Number::F32 | Number::F64) => [1.0, 255.0],
             _ => [255.0, 65535.0],
         };
@@ -149,12 +149,13 @@ impl Opacity {
     }
 
     fn see(&mut self, row: &Row) {
-        self.is_full &= self.property.is_none_or(|own| self.full.contains(&row.scalars(own)[0]));
+        self.is_full &=
+            self.property.is_none_or(|property| self.full.contains(&row.scalars(property)[0]));
     }
 
-    fn note(self, of: &str, context: &mut MeshContext<'_>) {
+    fn note(self, whose: &str, context: &mut MeshContext<'_>) {
         if !self.is_full {
-            context.notes.add(format!("opacities of {of} were left out"));
+            context.notes.add(format!("opacities of {whose} were left out"));
         }
     }
 }
@@ -177,15 +178,15 @@ impl Contents {
         rows: &mut Rows<'_>,
         context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
-        let mut named = Named::of(element);
+        let mut named = Named::new(element);
         let Some(position) = named.scalars(&[["x", "y", "z"]]) else {
-            let found = "a vertex has the properties x, y and z, and these lack some";
-            return Err(context.error(found));
+            let message = "a vertex has the properties x, y and z, and these lack some";
+            return Err(context.error(message));
         };
         let normal = named.scalars(&[["nx", "ny", "nz"]]);
         let color = named.colors(context);
         let coordinate = named.scalars(&COORDINATES);
-        let mut opacity = Opacity::of(&mut named);
+        let mut opacity = Opacity::new(&mut named);
         named.note_others(context);
         let mut colors = Vec::new();
         rows.read(element, context, |row, _| {
@@ -214,23 +215,23 @@ impl Contents {
         rows: &mut Rows<'_>,
         context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
-        let mut named = Named::of(element);
+        let mut named = Named::new(element);
         let Some(vertices) = named.list(&VERTICES) else {
-            let found = "a face has the property vertex_indices, and these have none";
-            return Err(context.error(found));
+            let message = "a face has the property vertex_indices, and these have none";
+            return Err(context.error(message));
         };
         let coordinates = named.list(&["texcoord"]);
         let material = named.scalars(&NUMBERS);
         let color = named.colors(context);
-        let mut opacity = Opacity::of(&mut named);
+        let mut opacity = Opacity::new(&mut named);
         named.note_others(context);
         let (mut left_out, mut colors) = (0, Vec::new());
         let mut corners = Vec::new();
         rows.read(element, context, |row, number| {
             opacity.see(row);
             corners.clear();
-            for &own in row.list(vertices) {
-                corners.push(vertex(own, "face", number)?);
+            for &value in row.list(vertices) {
+                corners.push(vertex(value, "face", number)?);
             }
             if let Some((color, _)) = color {
                 colors.push(row.scalars(color).map(|x| x as f32));
@@ -239,17 +240,17 @@ impl Contents {
                 left_out += 1;
                 return Ok(());
             }
-            if let Some(own) = material.map(|own| row.scalars(own)[0]) {
-                let own = match own {
+            if let Some(value) = material.map(|material| row.scalars(material)[0]) {
+                let value = match value {
                     -1.0 => NO_MATERIAL,
-                    own => vertex(own, "face", number).map_err(|_| {
+                    value => vertex(value, "face", number).map_err(|_| {
                         let rule = "the number of a material is a whole number from 0 on, or -1";
-                        format!("{number}: {rule}, and this is {own}")
+                        format!("{number}: {rule}, and this is {value}")
                     })?,
                 };
                 // Faces of another element before have none.
                 self.materials.resize(self.faces.len(), NO_MATERIAL);
-                self.materials.resize(self.faces.len() + corners.len() - 2, own);
+                self.materials.resize(self.faces.len() + corners.len() - 2, value);
             }
             self.polygons.add(self.faces.len(), corners.len());
             for pair in corners[1..].windows(2) {
@@ -258,7 +259,7 @@ impl Contents {
                     self.polygon_faces.push([number as u32; 3]);
                 }
             }
-            let coordinates = coordinates.map_or(&[][..], |own| row.list(own));
+            let coordinates = coordinates.map_or(&[][..], |list| row.list(list));
             if coordinates.is_empty() {
                 self.has_bare_faces = true;
             } else if coordinates.len() != 2 * corners.len() {
@@ -288,24 +289,24 @@ impl Contents {
         rows: &mut Rows<'_>,
         context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
-        let mut named = Named::of(element);
+        let mut named = Named::new(element);
         let Some(vertices) = named.list(&VERTICES) else {
-            let found = "a strip has the property vertex_indices, and these have none";
-            return Err(context.error(found));
+            let message = "a strip has the property vertex_indices, and these have none";
+            return Err(context.error(message));
         };
         named.note_others(context);
         self.has_bare_faces |= element.count > 0;
         rows.read(element, context, |row, number| {
-            for strip in row.list(vertices).split(|&own| own == -1.0) {
+            for strip in row.list(vertices).split(|&list| list == -1.0) {
                 let mut last = [0; 2];
-                for (k, &own) in strip.iter().enumerate() {
-                    let own = vertex(own, "strip", number)?;
+                for (k, &value) in strip.iter().enumerate() {
+                    let value = vertex(value, "strip", number)?;
                     let [a, b] = last;
                     // A vertex twice in a row turns a strip or leads on, and is no face.
-                    if k >= 2 && a != b && b != own && own != a {
-                        self.faces.push(if k % 2 == 0 { [a, b, own] } else { [b, a, own] });
+                    if k >= 2 && a != b && b != value && value != a {
+                        self.faces.push(if k % 2 == 0 { [a, b, value] } else { [b, a, value] });
                     }
-                    last = [b, own];
+                    last = [b, value];
                 }
             }
             Ok(())
@@ -315,9 +316,10 @@ impl Contents {
     /// Refuses faces that name vertices beyond the last, cuts polygons, and brings numbers into their form.
     fn finish(&mut self, context: &mut MeshContext<'_>) -> Result<(), SceneError> {
         let count = self.positions.len();
-        if let Some(vertex) = self.faces.iter().flatten().find(|&&own| own as usize >= count) {
-            let found = format!("the file has {count} vertices, and a face names vertex {vertex}");
-            return Err(context.error(found));
+        if let Some(vertex) = self.faces.iter().flatten().find(|&&face| face as usize >= count) {
+            let message =
+                format!("the file has {count} vertices, and a face names vertex {vertex}");
+            return Err(context.error(message));
         }
         if self.has_bare_faces && !self.corner_coordinates.is_empty() {
             context.notes.add("coordinates at corners were left out: not all faces have some");
@@ -329,7 +331,7 @@ impl Contents {
         }
         self.polygons.cut(&self.positions, &mut faces, &mut context.notes);
         let named = self.faces.iter().flatten().copied();
-        self.near = Near::of(&mem::take(&mut self.positions), named, &mut context.notes);
+        self.near = Near::new(&mem::take(&mut self.positions), named, &mut context.notes);
 
         // Colours at vertices come before those of faces.
         if self.polygon_colors.is_some()
@@ -341,10 +343,10 @@ impl Contents {
             self.polygon_colors = None;
         }
         let space = context.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
-        for own in [&mut self.colors, &mut self.polygon_colors] {
-            if let Some((written, rows)) = own.take() {
+        for colors in [&mut self.colors, &mut self.polygon_colors] {
+            if let Some((written, rows)) = colors.take() {
                 let rows = colors::linear(rows, written, space, &mut context.notes);
-                *own = (!rows.is_empty()).then_some((written, rows));
+                *colors = (!rows.is_empty()).then_some((written, rows));
             }
         }
         Ok(())

@@ -41,18 +41,19 @@ pub(super) struct Named<'e> {
 }
 
 impl<'e> Named<'e> {
-    pub(super) fn of(element: &'e Element) -> Self {
+    pub(super) fn new(element: &'e Element) -> Self {
         Self { element, is_read: vec![false; element.properties.len()] }
     }
 
     fn find(&self, is_list: bool, sought: &str) -> Option<usize> {
-        let is_it = |own: &Property| own.length.is_some() == is_list && own.name == sought;
+        let is_it =
+            |property: &Property| property.length.is_some() == is_list && property.name == sought;
         self.element.properties.iter().position(is_it)
     }
 
     /// The list with the first of these names that there is.
     pub(super) fn list(&mut self, names: &[&str]) -> Option<usize> {
-        let found = names.iter().find_map(|own| self.find(true, own))?;
+        let found = names.iter().find_map(|name| self.find(true, name))?;
         self.is_read[found] = true;
         Some(found)
     }
@@ -60,7 +61,7 @@ impl<'e> Named<'e> {
     /// The numbers with the first of these sets of names that is there as a whole.
     pub(super) fn scalars<const N: usize>(&mut self, sets: &[[&str; N]]) -> Option<[usize; N]> {
         let found = sets.iter().find_map(|names| {
-            let found = names.map(|own| self.find(false, own));
+            let found = names.map(|names| self.find(false, names));
             found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
         })?;
         found.iter().for_each(|&property| self.is_read[property] = true);
@@ -93,11 +94,13 @@ impl<'e> Named<'e> {
     /// Notes which properties nobody reads.
     pub(super) fn note_others(self, context: &mut MeshContext<'_>) {
         let all = self.element.properties.iter().zip(self.is_read);
-        let others: Vec<&str> =
-            all.filter(|(_, is_read)| !is_read).map(|(own, _)| own.name.as_str()).collect();
+        let others: Vec<&str> = all
+            .filter(|(_, is_read)| !is_read)
+            .map(|(property, _)| property.name.as_str())
+            .collect();
         if !others.is_empty() {
-            let of = format!(" of the element {:?}", name(&self.element.name));
-            context.notes.add(left_out(["property", "properties"], &others, &of));
+            let whose = format!(" of the element {:?}", name(&self.element.name));
+            context.notes.add(left_out(["property", "properties"], &others, &whose));
         }
     }
 }
@@ -130,9 +133,9 @@ impl<'b> Rows<'b> {
             row.ends.clear();
             let read = self.row(element, &mut row);
             let kind = || format!("{} {number}", name(&element.name));
-            read.map_err(|found| format!("{} {found}", kind()))
+            read.map_err(|message| format!("{} {message}", kind()))
                 .and_then(|()| take(&row, number))
-                .map_err(|found| SceneError::content(self.place(context), found))?;
+                .map_err(|message| SceneError::content(self.place(context), message))?;
         }
         Ok(())
     }
@@ -153,19 +156,19 @@ impl<'b> Rows<'b> {
             }
             _ => None,
         };
-        for own in &element.properties {
+        for property in &element.properties {
             let mut next = |number: Number| match &mut words {
                 Some(words) => words
                     .next()
                     .ok_or_else(|| {
-                        format!("has the property {:?}, and the line ends", name(&own.name))
+                        format!("has the property {:?}, and the line ends", name(&property.name))
                     })
-                    .and_then(|word| of_word(word, number, &own.name)),
+                    .and_then(|word| parse_number(word, number, &property.name)),
                 None => self.binary(number).ok_or_else(|| {
-                    format!("has the property {:?}, and the file ends", name(&own.name))
+                    format!("has the property {:?}, and the file ends", name(&property.name))
                 }),
             };
-            let count = match own.length {
+            let count = match property.length {
                 None => 1.0,
                 Some(length) => next(length)?,
             };
@@ -174,7 +177,7 @@ impl<'b> Rows<'b> {
             }
             // Each number has bytes of its own, so that a long list meets the end.
             for _ in 0..count as u64 {
-                let number = next(own.number)?;
+                let number = next(property.number)?;
                 row.numbers.push(number);
             }
             row.ends.push(row.numbers.len());
@@ -228,7 +231,7 @@ impl<'b> Rows<'b> {
 }
 
 /// The number of a word.
-fn of_word(word: &[u8], number: Number, property: &str) -> Result<f64, String> {
+fn parse_number(word: &[u8], number: Number, property: &str) -> Result<f64, String> {
     let text = str::from_utf8(word).unwrap_or_default();
     let refused = |rule: &str| {
         let found = name(&String::from_utf8_lossy(word));

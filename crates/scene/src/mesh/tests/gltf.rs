@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use glam::{DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 
-use super::{at_corners, of_corners, only, read, read_with, said};
+use super::{at_corners, message, of_corners, only, read, read_with};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::Gltf;
 use crate::model::Model;
@@ -145,10 +145,10 @@ fn strips_and_fans_are_triangles_that_run_the_same_way() {
             file.primitive()["indices"] = json!(number);
             file.primitive()["mode"] = json!(mode);
             let model = file.read().unwrap();
-            let of = |faces: &[[u32; 3]]| at_corners(&SQUARE, faces);
+            let parsed = |faces: &[[u32; 3]]| at_corners(&SQUARE, faces);
             // The second face of the strip has its corners turned, and begins elsewhere.
             let corners = at_corners(&only(&model).positions, &only(&model).faces);
-            for (found, expected) in corners.chunks(3).zip(of(&expected).chunks(3)) {
+            for (found, expected) in corners.chunks(3).zip(parsed(&expected).chunks(3)) {
                 let turned = (0..3).any(|k| (0..3).all(|j| found[j] == expected[(j + k) % 3]));
                 assert!(turned, "mode {mode}: {found:?} {expected:?}");
             }
@@ -176,7 +176,7 @@ fn a_mesh_without_indices_has_a_corner_for_each_vertex() {
 
 #[test]
 fn colours_are_fractions_and_opacities_are_noted() {
-    let of = |bytes: &[u8], component: u32, kind: &str| {
+    let parsed = |bytes: &[u8], component: u32, kind: &str| {
         let mut file = File::square();
         let number = file.accessor(bytes, component, kind, 4);
         file.primitive()["attributes"]["COLOR_0"] = json!(number);
@@ -185,12 +185,12 @@ fn colours_are_fractions_and_opacities_are_noted() {
     };
     let floats: Vec<u8> =
         [0.5_f32, 0.25, 2.0].repeat(4).iter().flat_map(|x| x.to_le_bytes()).collect();
-    assert_eq!(of(&floats, 5126, "VEC3"), ([0.5, 0.25, 2.0], 0));
-    assert_eq!(of(&[255, 0, 51, 255].repeat(4), 5121, "VEC4"), ([1.0, 0.0, 0.2], 0));
-    assert_eq!(of(&[255, 0, 51, 254].repeat(4), 5121, "VEC4"), ([1.0, 0.0, 0.2], 1));
+    assert_eq!(parsed(&floats, 5126, "VEC3"), ([0.5, 0.25, 2.0], 0));
+    assert_eq!(parsed(&[255, 0, 51, 255].repeat(4), 5121, "VEC4"), ([1.0, 0.0, 0.2], 0));
+    assert_eq!(parsed(&[255, 0, 51, 254].repeat(4), 5121, "VEC4"), ([1.0, 0.0, 0.2], 1));
     let wide: Vec<u8> =
         [65535_u16, 0, 13107].repeat(4).iter().flat_map(|x| x.to_le_bytes()).collect();
-    assert_eq!(of(&wide, 5123, "VEC3"), ([1.0, 0.0, 0.2], 0));
+    assert_eq!(parsed(&wide, 5123, "VEC3"), ([1.0, 0.0, 0.2], 0));
 }
 
 #[test]
@@ -286,10 +286,10 @@ fn a_scene_without_a_list_of_nodes_places_nothing() {
     assert_eq!(file.read().unwrap().placed.len(), 1);
     // What else is wrong is still said.
     file.root["nodes"] = json!([{"mesh": "a"}]);
-    let error = said(file.read());
+    let error = message(file.read());
     let rule = "a glTF file has the parts of the specification";
-    let found = "a whole number, 0 or above, is needed here, and this is the text \"a\"";
-    assert!(error.ends_with(&format!("{rule}: {found}")), "{error}");
+    let message = "a whole number, 0 or above, is needed here, and this is the text \"a\"";
+    assert!(error.ends_with(&format!("{rule}: {message}")), "{error}");
 }
 
 #[test]
@@ -366,22 +366,22 @@ fn errors_have_the_rule_and_what_broke_it() {
             Some(_) => file.text(),
             None => file.root.to_string(),
         };
-        let error = said(read(Gltf, text));
+        let error = message(read(Gltf, text));
         assert!(error.contains(expected), "{expected}: {error}");
     }
     let mut file = File::square();
     file.bytes[80] = 4;
-    let found = said(file.read());
+    let found = message(file.read());
     let expected = "mesh 0, primitive 0: an index is below the number of positions, 4, and index";
     assert!(found.contains(expected), "{found}");
     let mut file = File::square();
     file.bytes[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(said(file.read()).contains("mesh 0: positions are finite, and vertex 0 is"));
+    assert!(message(file.read()).contains("mesh 0: positions are finite, and vertex 0 is"));
     let mut root = File::square().root;
     root["buffers"][0] = json!({"byteLength": 9, "uri": "data:,a"});
-    assert!(said(read(Gltf, root.to_string())).contains("buffer 0 has 1 of 9"));
+    assert!(message(read(Gltf, root.to_string())).contains("buffer 0 has 1 of 9"));
     root["buffers"][0] = json!({"byteLength": 9});
-    assert!(said(read(Gltf, root.to_string())).contains("buffer 0 has neither"));
+    assert!(message(read(Gltf, root.to_string())).contains("buffer 0 has neither"));
 }
 
 fn primitive(root: &mut Value) -> &mut Value {

@@ -12,7 +12,7 @@ use crate::picture::{Picture, Samples};
 fn png(byte: u8) -> Vec<u8> {
     let samples = Samples::U8(vec![byte; 3]);
     let picture = Picture { width: 1, height: 1, channels: 3, samples };
-    picture.encode_png(&Place::of("image")).unwrap()
+    picture.encode_png(&Place::new("image")).unwrap()
 }
 
 /// A file in which every part of the specification says something.

@@ -4,7 +4,7 @@ use bokashi_render_ops::TextureBorder;
 use serde_json::{Value, json};
 
 use super::gltf::{Change, File};
-use super::{of_corners, only, said};
+use super::{message, of_corners, only};
 use crate::error::{Place, SceneError};
 use crate::picture::{Picture, Samples};
 
@@ -14,7 +14,7 @@ fn with_material(material: Value) -> File {
     for byte in [7, 8] {
         let samples = Samples::U8(vec![byte; 3]);
         let picture = Picture { width: 1, height: 1, channels: 3, samples };
-        let png = picture.encode_png(&Place::of("image")).unwrap();
+        let png = picture.encode_png(&Place::new("image")).unwrap();
         let view = file.list("bufferViews").len();
         file.accessor(&png, 5121, "SCALAR", png.len());
         file.list("images").push(json!({"bufferView": view, "mimeType": "image/png"}));
@@ -117,16 +117,16 @@ fn what_is_left_out_is_noted() {
 #[test]
 fn broken_textures_and_images_are_errors_and_missing_ones_notes() {
     let material = || json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
-    let of = |change: Change| {
+    let parsed = |change: Change| {
         let mut file = with_material(material());
         change(&mut file.root);
         file.read()
     };
-    let model = of(|root| root["images"][1] = json!({"uri": "no.png"})).unwrap();
+    let model = parsed(|root| root["images"][1] = json!({"uri": "no.png"})).unwrap();
     assert_eq!(model.notes, ["the image \"no.png\" is missing and was left out"]);
-    let model = of(|root| root["textures"][0] = json!({})).unwrap();
+    let model = parsed(|root| root["textures"][0] = json!({})).unwrap();
     assert!(model.notes[0].contains("a texture has no image"), "{:?}", model.notes);
-    let model = of(|root| root["images"][1] = json!({"bufferView": 0})).unwrap();
+    let model = parsed(|root| root["images"][1] = json!({"bufferView": 0})).unwrap();
     let note = "the image 1 can't be read and was left out: an image is a PNG";
     assert!(model.notes.iter().any(|own| own.starts_with(note)), "{:?}", model.notes);
     let cases: [(Change, &str); 6] = [
@@ -144,7 +144,7 @@ fn broken_textures_and_images_are_errors_and_missing_ones_notes() {
         (|root| root["images"][1] = json!({"uri": "https://a/b.png"}), "the scheme \"https\""),
     ];
     for (change, expected) in cases {
-        let error = said(of(change));
+        let error = message(parsed(change));
         assert!(error.contains(expected), "{expected}: {error}");
     }
 }

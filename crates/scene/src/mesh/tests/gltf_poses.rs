@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3};
 use serde_json::json;
 
 use super::gltf::{Change, File};
-use super::{of_corners, only, said};
+use super::{message, of_corners, only};
 use crate::model::Geometry;
 
 /// A square with a target that lifts it by 5 and leans its normals, and one that moves it by 3 along x.
@@ -72,7 +72,7 @@ fn what_does_not_fit_a_morph_target_is_noted_or_refused() {
     file.primitive()["targets"][0]["POSITION"] = json!(short);
     let rule =
         "mesh 0, primitive 0: a morph target has a row for each of 4 vertices, and this has 3";
-    assert!(said(file.read()).contains(rule));
+    assert!(message(file.read()).contains(rule));
 }
 
 /// A square that one of two joints moves: the first by 7 along z and thrice as large. The node that shows it
@@ -290,7 +290,7 @@ fn broken_skins_are_refused_with_the_rule() {
         set_weights(&mut file, [0.5, 0.5, 0.0, 0.0]);
         file.floats(&[[-0.5, 1.5, 0.0, 0.0]; 4], "VEC4");
         change(&mut file.root);
-        let error = said(file.read());
+        let error = message(file.read());
         assert!(error.contains(expected), "{expected}: {error}");
     }
 }

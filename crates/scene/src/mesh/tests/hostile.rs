@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::gltf::File;
-use super::{read, read_with, said};
+use super::{message, read, read_with};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{self, Gltf, Obj, Ply};
 use crate::mesh::{glb, ply};
@@ -86,7 +86,7 @@ fn headers_with_huge_counts_take_no_memory() {
                  property float z\nelement face {count}\nproperty list uint uint vertex_indices\n\
                  end_header\n0 0 0\n"
             );
-            let error = said(read(Ply, text));
+            let error = message(read(Ply, text));
             assert!(error.contains("the elements' rows need"), "{count} {format}: {error}");
         }
     }
@@ -98,7 +98,7 @@ fn headers_with_huge_counts_take_no_memory() {
     bytes.extend([0; 12]);
     bytes.extend([255; 12]);
     assert!(
-        said(read(Ply, bytes))
+        message(read(Ply, bytes))
             .contains("face 0 has the property \"vertex_indices\", and the file ends")
     );
     // A length of a GLB or a chunk beyond the file, and one that is too small for its header.
@@ -186,7 +186,7 @@ fn many_small_parts_take_time_in_proportion() {
     file.root["meshes"] = json!([{"primitives": &primitives}]);
     assert_eq!(read(Gltf, file.binary()).unwrap().geometries[0].faces.len(), 5000);
     // A mesh for each face.
-    let meshes = primitives.into_iter().map(|own| json!({"primitives": [own]}));
+    let meshes = primitives.into_iter().map(|primitive| json!({"primitives": [primitive]}));
     file.root["meshes"] = meshes.collect();
     assert_eq!(read(Gltf, file.binary()).unwrap().geometries.len(), 5000);
     assert!(start.elapsed() < LONG, "{:?}", start.elapsed());
@@ -199,15 +199,15 @@ fn text_that_is_none_is_refused_in_short() {
     let long = "a".repeat(1 << 21);
     for kind in [Obj, Ply, Gltf] {
         for bytes in [&zeros, deep.as_bytes(), long.as_bytes(), b"", b"\xff\xfe", b"\xef\xbb\xbf"] {
-            let error = said(read(kind, bytes));
+            let error = message(read(kind, bytes));
             assert!(error.len() < 1000, "{kind:?}: {}", error.len());
         }
     }
     let long_line =
         format!("ply\nformat ascii 1.0\nelement {long} 1\nproperty int a\nend_header\n1\n");
-    assert!(said(read(Ply, long_line)).len() < 1000);
+    assert!(message(read(Ply, long_line)).len() < 1000);
     let text = format!("v 1 2 {long}\n");
-    assert!(said(read(Obj, text)).len() < 1000);
+    assert!(message(read(Obj, text)).len() < 1000);
     let uri = json!({"asset": {"version": "2.0"}, "buffers": [{"uri": format!("{long}:a")}]});
     assert!(read(Gltf, uri.to_string()).is_err());
 }
@@ -228,7 +228,7 @@ fn notes_about_very_many_long_names_are_short() {
     (0..500).for_each(|k| header.push_str(&format!("property int {}{k}\n", "\u{1}".repeat(200))));
     let row = "0 ".repeat(500);
     let text = format!("ply\nformat ascii 1.0\n{header}end_header\n0 0 0\n3 0 0 0 {row}\n");
-    let _ = said(read(Ply, &text));
+    let _ = message(read(Ply, &text));
     let text = text.replace("element vertex 1", "element vertex 3");
     let text = text.replace("0 0 0\n3 0 0 0", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2");
     let notes = read(Ply, text).unwrap().notes;

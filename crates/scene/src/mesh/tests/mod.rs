@@ -61,6 +61,6 @@ fn of_corners<const N: usize>(indexed: &Option<Indexed<N>>) -> Vec<[f32; N]> {
 }
 
 /// What an error says.
-fn said(result: Result<Model, SceneError>) -> String {
+fn message(result: Result<Model, SceneError>) -> String {
     result.unwrap_err().to_string()
 }

@@ -4,7 +4,7 @@ use std::io::BufReader;
 
 use bokashi_render_ops::TextureBorder;
 
-use super::{at_corners, of_corners, only, read, read_with, said};
+use super::{at_corners, message, of_corners, only, read, read_with};
 use crate::error::{Place, SceneError};
 use crate::mesh::MeshKind::Obj;
 use crate::mesh::colors::decoded;
@@ -17,7 +17,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 fn png(samples: &[u8]) -> Vec<u8> {
     let width = samples.len() / 3;
     let picture = Picture { width, height: 1, channels: 3, samples: Samples::U8(samples.to_vec()) };
-    picture.encode_png(&Place::of("image")).unwrap()
+    picture.encode_png(&Place::new("image")).unwrap()
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn faces_may_come_before_their_vertices_and_lines_go_on() {
 
 #[test]
 fn colours_follow_positions_as_srgb_and_a_fourth_number_divides() {
-    let of = |white: f32| {
+    let parsed = |white: f32| {
         let numbers = [0.5, 0.25, 1.0].map(|x| x * white);
         let [r, g, b] = numbers;
         let text = format!("v 0 0 0 {r} {g} {b}\nv 1 0 0 0 0 0 1\nv 0 1 0 0 0 0\nf 1 2 3\n");
@@ -62,9 +62,9 @@ fn colours_follow_positions_as_srgb_and_a_fourth_number_divides() {
     // By the curve of IEC 61966-2-1.
     let expected = [0.214_041_14, 0.050_876_09, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     for (white, notes) in [(1.0, 0), (255.0, 1)] {
-        let (found, said) = of(white);
+        let (found, message) = parsed(white);
         approx::assert_abs_diff_eq!(found.as_flattened(), &expected[..], epsilon = 1e-6);
-        assert_eq!(said.len(), notes, "{said:?}");
+        assert_eq!(message.len(), notes, "{message:?}");
     }
     let text = "v 0 0 0\nv 2 0 0 2\nv 0 1 0\nf 1 2 3\n";
     assert_eq!(only(&read(Obj, text).unwrap()).positions[1], [1.0, 0.0, 0.0]);
@@ -235,13 +235,13 @@ fn errors_have_the_line_and_the_rule() {
         ("v 0 0 0\nl 1 1\np 1\n", "this has none; lines were left out; points were left out"),
     ];
     for (text, expected) in cases {
-        let error = said(read(Obj, text));
+        let error = message(read(Obj, text));
         assert!(error.contains(expected), "{text:?}: {error}");
     }
     let text = format!("{TRIANGLE}f 1 2 3\nmtllib m.mtl\nusemtl m\n");
     let folder = tempfile::tempdir().unwrap();
     let mtl: (&str, &[u8]) = ("m.mtl", b"newmtl m\nKd 1 x 0\n");
-    let error = said(read_with(Obj, text, &[mtl], folder.path()));
+    let error = message(read_with(Obj, text, &[mtl], folder.path()));
     assert!(error.contains("m.mtl:2: Kd has finite numbers"), "{error}");
 }
 
@@ -282,14 +282,14 @@ fn triangles_are_those_of_tobj() {
 
 #[test]
 fn a_file_without_faces_says_what_else_it_has_in_short() {
-    let points = said(read(Obj, "v 0 0 0\np 1\nl 1 1\n"));
+    let points = message(read(Obj, "v 0 0 0\np 1\nl 1 1\n"));
     let rule = "a mesh file has a face with three vertices, and this has none";
     assert!(
         points.ends_with(&format!("{rule}; points were left out; lines were left out")),
         "{points}"
     );
     let many: String = (0..50).map(|k| format!("usemtl {k}\n")).collect();
-    let many = said(read(Obj, many));
+    let many = message(read(Obj, many));
     assert!(many.ends_with("\"2\" is missing and was left out; and more was left out"), "{many}");
 }
 
@@ -298,7 +298,7 @@ fn keywords_are_of_any_case_and_options_may_follow_the_path() {
     let text = format!("mtllib \"a m.mtl\"\n{TRIANGLE}usemtl m\nf 1 2 3\n");
     let folder = tempfile::tempdir().unwrap();
     let image = png(&[1, 2, 3]);
-    let of = |line: &str| {
+    let parsed = |line: &str| {
         let mtl = format!("# by hand\nNewMtl m\n{line}\n");
         let files: [(&str, &[u8]); 2] = [("a m.mtl", mtl.as_bytes()), ("a -b c.png", &image)];
         let model = read_with(Obj, &text, &files, folder.path()).unwrap();
@@ -314,17 +314,17 @@ fn keywords_are_of_any_case_and_options_may_follow_the_path() {
         "map_Kd -o 0 0 0 a -b c.png -S 1.0 1 1 -mm 0 1 -clamp OFF",
         "map_Kd a -b c.png\nKd 1 1 1\nKe 0 0 0",
     ] {
-        assert_eq!(of(line), none, "{line}");
+        assert_eq!(parsed(line), none, "{line}");
     }
     let moved = "the option -s of an image was left out";
-    assert_eq!(of("map_Kd a -b c.png -s 2 2 2"), [moved]);
-    assert_eq!(of("map_Kd -clamp off -s 2 2 a -b c.png -mm 0 1"), [moved]);
-    assert_eq!(of("map_Kd -mm 0.5 1 a -b c.png"), ["the option -mm of an image was left out"]);
+    assert_eq!(parsed("map_Kd a -b c.png -s 2 2 2"), [moved]);
+    assert_eq!(parsed("map_Kd -clamp off -s 2 2 a -b c.png -mm 0 1"), [moved]);
+    assert_eq!(parsed("map_Kd -mm 0.5 1 a -b c.png"), ["the option -mm of an image was left out"]);
     // The format says so.
     let black = "the material \"m\" is black: its Kd of 0 multiplies its image";
-    assert_eq!(of("Kd 0 0 0\nmap_Kd a -b c.png"), [black]);
+    assert_eq!(parsed("Kd 0 0 0\nmap_Kd a -b c.png"), [black]);
     let twice = "the material \"m\" is described again: the last time counts";
-    assert_eq!(of("Kd 0 1 0\nnewmtl m\nmap_Kd a -b c.png"), [twice]);
+    assert_eq!(parsed("Kd 0 1 0\nnewmtl m\nmap_Kd a -b c.png"), [twice]);
 }
 
 /// What is read of an OBJ file with these lines more, beside a material with these.

@@ -1,6 +1,6 @@
 //! What is read of PLY files.
 
-use super::{of_corners, only, read, read_with, said};
+use super::{message, of_corners, only, read, read_with};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::mesh::MeshKind::Ply;
@@ -91,9 +91,9 @@ fn colours_of_each_name_and_type_are_srgb() {
         ("double", "0.737254902 0. 1.", 0),
         ("float", "188 0 255.0", 1),
     ] {
-        let (found, said) = first_color(kind, rgb, color);
+        let (found, message) = first_color(kind, rgb, color);
         approx::assert_abs_diff_eq!(&found[..], &expected[..], epsilon = 1e-6);
-        assert_eq!(said.len(), notes, "{kind} {color}: {said:?}");
+        assert_eq!(message.len(), notes, "{kind} {color}: {message:?}");
     }
     let others = [["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
     for names in others {
@@ -115,23 +115,23 @@ fn colours_are_of_the_space_that_the_caller_says() {
     let folder = Folder::new(folder.path()).unwrap();
     let linear = [0.0, 0.2, 1.0];
     let srgb = linear.map(|number| decoded(f64::from(number)));
-    let of = |file: &str, vertex_color_space| {
+    let parsed = |file: &str, vertex_color_space| {
         let model =
             read_model_with(&folder, file, MeshOptions { vertex_color_space, weld: None }).unwrap();
         of_corners(&only(&model).colors)[2]
     };
     for file in ["a.ply", "a.obj"] {
-        approx::assert_abs_diff_eq!(&of(file, None)[..], &srgb[..], epsilon = 1e-6);
-        assert_eq!(of(file, Some(ColorSpace::Srgb)), of(file, None));
-        assert_eq!(of(file, Some(ColorSpace::Linear)), linear);
+        approx::assert_abs_diff_eq!(&parsed(file, None)[..], &srgb[..], epsilon = 1e-6);
+        assert_eq!(parsed(file, Some(ColorSpace::Srgb)), parsed(file, None));
+        assert_eq!(parsed(file, Some(ColorSpace::Linear)), linear);
     }
     // glTF's are linear.
     let bytes = glb(&read_model(&folder, "a.obj").unwrap()).unwrap();
     std::fs::write(folder.join("a.glb"), bytes).unwrap();
-    assert_eq!(of("a.glb", None), of("a.obj", None));
-    assert_eq!(of("a.glb", Some(ColorSpace::Linear)), of("a.obj", None));
-    let twice = of("a.obj", None).map(|light| decoded(light.into()));
-    assert_eq!(of("a.glb", Some(ColorSpace::Srgb)), twice);
+    assert_eq!(parsed("a.glb", None), parsed("a.obj", None));
+    assert_eq!(parsed("a.glb", Some(ColorSpace::Linear)), parsed("a.obj", None));
+    let twice = parsed("a.obj", None).map(|light| decoded(light.into()));
+    assert_eq!(parsed("a.glb", Some(ColorSpace::Srgb)), twice);
 }
 
 #[test]
@@ -160,23 +160,23 @@ fn strips_are_triangles_that_turn_alike() {
     let both = format!("{header}element face 1\nproperty list uchar int vertex_index\n");
     let model = read(Ply, ascii(&both, &format!("{rows}3 0 1 2\n3 1 4 3\n"))).unwrap();
     assert_eq!(only(&model).faces, [[0, 1, 2], [1, 4, 3]]);
-    let error = said(read(Ply, ascii(header, &format!("{rows}3 0 1 -2\n"))));
+    let error = message(read(Ply, ascii(header, &format!("{rows}3 0 1 -2\n"))));
     assert!(error.contains("strip 0 has vertices that are whole numbers"), "{error}");
 }
 
 #[test]
 fn numbers_of_text_are_those_that_others_write() {
     let more = "property float nx\nproperty float ny\nproperty float nz\nproperty float quality\n";
-    let of = |rows: &str| read(Ply, square(more, "1", &format!("{rows}3 0 1 2\n")));
-    let plain = of("0 0 0 0 0 1 0\n2 0 0 0 0 1 0\n0 2 0 0 0 1 0\n9 9 9 0 0 1 0\n").unwrap();
+    let parsed = |rows: &str| read(Ply, square(more, "1", &format!("{rows}3 0 1 2\n")));
+    let plain = parsed("0 0 0 0 0 1 0\n2 0 0 0 0 1 0\n0 2 0 0 0 1 0\n9 9 9 0 0 1 0\n").unwrap();
     let dots =
         "0. .0 +0 0. 0. 1. nan\n2. -0. 0 0 0 1 inf\n.0 2e0 0 0 0 1 -NaN\n9 9 9 0 0 1 1.#QNAN\n";
-    assert_eq!(of(dots).unwrap(), plain);
+    assert_eq!(parsed(dots).unwrap(), plain);
     let note = "the property \"quality\" of the element \"vertex\" was left out";
     assert_eq!(plain.notes, [note]);
     // Normals that are none.
     let rows = "0 0 0 nan nan nan 0\n2 0 0 -nan(ind) 0 1 0\n0 2 0 0 0 1 0\n9 9 9 0 0 1 0\n";
-    let model = of(rows).unwrap();
+    let model = parsed(rows).unwrap();
     assert_eq!(only(&model).positions, only(&plain).positions);
     assert!(
         only(&model).normals.is_none() && model.notes[1].contains("normals"),
@@ -193,7 +193,8 @@ fn numbers_of_text_are_those_that_others_write() {
         ),
         ("0 nan 0 0 0 1 0", "positions are finite, and vertex 0 is at [0.0, NaN, 0.0]"),
     ] {
-        let error = said(of(&format!("{row}\n2 0 0 0 0 1 0\n0 2 0 0 0 1 0\n9 9 9 0 0 1 0\n")));
+        let error =
+            message(parsed(&format!("{row}\n2 0 0 0 0 1 0\n0 2 0 0 0 1 0\n9 9 9 0 0 1 0\n")));
         assert!(error.contains(expected), "{row}: {error}");
     }
 }
@@ -282,13 +283,13 @@ fn each_property_is_read_or_a_note_names_it() {
         let names: Vec<&str> = group.split(' ').collect();
         let floats: Vec<String> = names.iter().map(|name| format!("float {name}")).collect();
         for (k, name) in names.iter().enumerate() {
-            let of = |value: &str| {
+            let parsed = |value: &str| {
                 let own: Vec<(&str, &str)> = (0..names.len())
                     .map(|j| (&*floats[j], if j == k { value } else { "0.5" }))
                     .collect();
                 [with(&own, &[]).unwrap(), with(&[], &own).unwrap()]
             };
-            for (a, b) in of("0.25").into_iter().zip(of("0.75")) {
+            for (a, b) in parsed("0.25").into_iter().zip(parsed("0.75")) {
                 let is_named = a.notes.iter().any(|note| note.contains(&format!("{name:?}")));
                 let is_read = a.geometries != b.geometries;
                 assert!(is_named != is_read, "{name} of {group}: {:?}", a.notes);
@@ -320,9 +321,9 @@ fn each_property_is_read_or_a_note_names_it() {
                     with(&[], &[(&property, value)]).unwrap().notes,
                 ]
             };
-            let said =
-                ["vertices", "faces"].map(|of| vec![format!("opacities of {of} were left out")]);
-            assert_eq!([notes(full), notes(other)], [[vec![], vec![]], said], "{property}");
+            let message = ["vertices", "faces"]
+                .map(|parsed| vec![format!("opacities of {parsed} were left out")]);
+            assert_eq!([notes(full), notes(other)], [[vec![], vec![]], message], "{property}");
         }
     }
     assert!(with(&[], &[("int texnumber", "0")]).unwrap().notes.is_empty());
@@ -382,23 +383,23 @@ fn coordinates_are_at_vertices_or_at_corners_and_v_is_up() {
     let header = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 2\nproperty list uchar int vertex_indices\n\
                   property list uchar float texcoord\n";
-    let of = |rows: &str| read(Ply, ascii(header, &format!("{SQUARE}{rows}")));
-    let model = of("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 6 0 0 0.5 0 0.5 0.5\n").unwrap();
+    let parsed = |rows: &str| read(Ply, ascii(header, &format!("{SQUARE}{rows}")));
+    let model = parsed("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 6 0 0 0.5 0 0.5 0.5\n").unwrap();
     let [a, b, c, d] = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
     let last = [a, [0.5, 1.0], [0.5, 0.5]];
     let expected = [[a, b, c], [a, c, d], last].concat();
     assert_eq!(of_corners(&only(&model).coordinates), expected);
-    let model = of("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 0\n").unwrap();
+    let model = parsed("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 0\n").unwrap();
     assert!(only(&model).coordinates.is_none());
     assert!(model.notes[0].contains("not all faces"), "{:?}", model.notes);
-    let error = said(of("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 4 0 0 0 0\n"));
+    let error = message(parsed("4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 4 0 0 0 0\n"));
     assert!(error.contains("mesh:16: face 1 has two coordinates at each of 3 corners"), "{error}");
 }
 
 #[test]
 fn the_image_of_the_header_is_the_base_colour() {
     let picture = Picture { width: 1, height: 1, channels: 1, samples: Samples::U8(vec![7]) };
-    let png = picture.encode_png(&Place::of("image")).unwrap();
+    let png = picture.encode_png(&Place::new("image")).unwrap();
     let text = square("comment TextureFile the image.png\n", "1", &format!("{SQUARE}3 0 1 2\n"));
     let folder = tempfile::tempdir().unwrap();
     let model = read_with(Ply, &text, &[("the image.png", &png)], folder.path()).unwrap();
@@ -461,7 +462,7 @@ fn errors_have_the_place_and_the_rule() {
         (ascii(&format!("{vertex}{face}"), "0 0 0\n9 0 0 0\n"), "mesh:11: face 0 has"),
     ];
     for (text, expected) in cases {
-        let error = said(read(Ply, &text));
+        let error = message(read(Ply, &text));
         assert!(error.contains(expected), "{text:?}: {error}");
     }
 }
@@ -483,9 +484,9 @@ fn faces_have_the_materials_that_they_name() {
     let found: Vec<_> = mesh.submeshes.iter().map(|k| (k.material, k.faces.clone())).collect();
     assert_eq!(found, [(Some(1), 0..2), (Some(0), 2..3)]);
     assert_eq!(model.materials.len(), 2);
-    let error = said(read(Ply, file("", "texnumber", &images.replace("2 0", "2 2"))));
+    let error = message(read(Ply, file("", "texnumber", &images.replace("2 0", "2 2"))));
     assert!(error.contains("has 2 materials") && error.contains("names number 2"), "{error}");
-    let error = said(read(Ply, file("", "texnumber", &images.replace("2 0", "2 -2"))));
+    let error = message(read(Ply, file("", "texnumber", &images.replace("2 0", "2 -2"))));
     assert!(error.contains("a whole number from 0 on, or -1, and this is -2"), "{error}");
     let rows = "element material 1\nproperty uchar diffuse_red\nproperty uchar diffuse_green\n\
                 property uchar diffuse_blue\nproperty float roughness\nproperty int texnumber\n";

@@ -27,7 +27,7 @@ fn flat(points: &[[f64; 2]]) -> Vec<DVec3> {
 
 /// What an OBJ file and a PLY file with this polygon become. The texture coordinates of a corner are x and
 /// y, and v is up.
-fn of(points: &[DVec3]) -> Model {
+fn parsed(points: &[DVec3]) -> Model {
     let (mut obj, mut rows, mut coordinates) = (String::new(), String::new(), String::new());
     let (mut face, mut indices) = ("f".to_owned(), points.len().to_string());
     for (k, p) in points.iter().enumerate() {
@@ -95,11 +95,11 @@ fn a_concave_letter_has_its_area_from_each_corner_on_and_either_side() {
     for shift in 0..U.len() {
         let mut points = flat(&U);
         points.rotate_left(shift);
-        let model = of(&points);
+        let model = parsed(&points);
         check_whole(&model, 8, DVec3::new(0.0, 0.0, 56.0));
         assert!(model.notes.is_empty(), "{:?}", model.notes);
         points.reverse();
-        check_whole(&of(&points), 8, DVec3::new(0.0, 0.0, -56.0));
+        check_whole(&parsed(&points), 8, DVec3::new(0.0, 0.0, -56.0));
     }
 }
 
@@ -114,7 +114,7 @@ fn corners_on_straight_sides_stay() {
                 DVec3::new(ax + share * (bx - ax), ay + share * (by - ay), 0.0)
             })
             .collect();
-        check_whole(&of(&points), points.len(), DVec3::new(0.0, 0.0, 56.0));
+        check_whole(&parsed(&points), points.len(), DVec3::new(0.0, 0.0, 56.0));
     }
 }
 
@@ -132,7 +132,7 @@ fn any_polygon_that_is_seen_whole_from_its_middle_is_covered_once() {
             })
             .collect();
         let doubled = (0..count).map(|k| points[k].cross(points[(k + 1) % count])).sum();
-        let model = of(&points);
+        let model = parsed(&points);
         check_whole(&model, count, doubled);
         assert!(model.notes.is_empty(), "{case}: {:?}", model.notes);
     }
@@ -154,7 +154,7 @@ fn convex_polygons_stay_fans_and_other_faces_stay_where_they_are() {
 
 #[test]
 fn polygons_without_a_right_answer_are_counted() {
-    let note = |points: &[DVec3]| of(points).notes.join("; ");
+    let note = |points: &[DVec3]| parsed(points).notes.join("; ");
     let crosses = "a polygon crosses itself and became a fan around its first corner";
     let star: Vec<[f64; 2]> = (0..5)
         .map(|k| {
@@ -171,7 +171,7 @@ fn polygons_without_a_right_answer_are_counted() {
     // The plane of U goes up and down by a tenth.
     let mut bent = flat(&U);
     bent.iter_mut().enumerate().for_each(|(k, p)| p.z = if k % 2 == 0 { 0.1 } else { -0.1 });
-    let model = of(&bent);
+    let model = parsed(&bent);
     let off = "a polygon has corners that are off its plane by more than 1 % of its size";
     assert_eq!(model.notes, [off]);
     assert_eq!(only(&model).faces.len(), 6);
@@ -203,7 +203,7 @@ fn a_polygon_of_very_many_corners_takes_time_in_proportion() {
     let mut points: Vec<[f64; 2]> =
         (0..count).map(|k| [f64::from(k), [0.0, 1.0, 2.0, 1.0][k as usize % 4]]).collect();
     points.extend([[f64::from(count), 9.0], [0.0, 9.0]]);
-    let model = of(&flat(&points));
+    let model = parsed(&flat(&points));
     assert_eq!(only(&model).faces.len(), points.len() - 2);
     assert!(model.notes.is_empty(), "{:?}", model.notes);
     assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());

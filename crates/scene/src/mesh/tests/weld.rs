@@ -24,7 +24,7 @@ fn bare<'a>(rows: &'a [[f32; 3]], faces: &[[u32; 3]]) -> Raw<'a> {
 
 fn welded(raw: Raw<'_>) -> (Result<Option<Geometry>, SceneError>, Vec<String>) {
     let mut notes = Notes::default();
-    let found = Welder::default().weld(raw, &Place::of("mesh"), &mut notes);
+    let found = Welder::default().weld(raw, &Place::new("mesh"), &mut notes);
     (found, notes.finish())
 }
 
@@ -129,16 +129,16 @@ fn a_position_that_is_not_finite_is_refused_by_its_number() {
 #[test]
 fn normals_become_unit_vectors_and_bad_attributes_are_left_out() {
     let rows = [A, B, C];
-    let of = |normals: [[f32; 3]; 3]| {
+    let parsed = |normals: [[f32; 3]; 3]| {
         let mut raw = bare(&rows, &[[0, 1, 2]]);
         raw.normals = Some(Corners { rows: &normals, faces: Cow::Borrowed(&[[0, 1, 2]]) });
         let (found, notes) = welded(raw);
         (found.unwrap().unwrap().normals, notes)
     };
-    let (normals, _) = of([[0.0, 0.0, 2.0], [0.0, 0.0, 1.0], [3.0, 0.0, 4.0]]);
+    let (normals, _) = parsed([[0.0, 0.0, 2.0], [0.0, 0.0, 1.0], [3.0, 0.0, 4.0]]);
     assert_eq!(normals.unwrap().rows, [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]);
     for bad in [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]] {
-        let (normals, notes) = of([[0.0, 0.0, 1.0], bad, [1.0, 0.0, 0.0]]);
+        let (normals, notes) = parsed([[0.0, 0.0, 1.0], bad, [1.0, 0.0, 0.0]]);
         assert!(normals.is_none(), "{bad:?}");
         assert!(notes[0].contains("normals were left out"), "{notes:?}");
     }
@@ -150,7 +150,7 @@ fn a_welder_forgets_the_mesh_before() {
     let mut welder = Welder::default();
     for faces in [[[0, 1, 2]], [[3, 2, 1]], [[0, 3, 1]]] {
         let mut notes = Notes::default();
-        let found = welder.weld(bare(&rows, &faces), &Place::of("mesh"), &mut notes);
+        let found = welder.weld(bare(&rows, &faces), &Place::new("mesh"), &mut notes);
         let geometry = found.unwrap().unwrap();
         assert_eq!(at_corners(&geometry.positions, &geometry.faces), at_corners(&rows, &faces));
         assert_eq!(geometry.positions.len(), 3);

@@ -3,7 +3,7 @@
 use bokashi_render_ops::TextureBorder;
 use glam::{DMat4, DVec3};
 
-use super::{read, read_with, said};
+use super::{message, read, read_with};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{Gltf, Obj, Ply};
 use crate::mesh::{glb, obj, ply};
@@ -155,7 +155,7 @@ fn a_glb_keeps_the_rules_of_the_specification() {
 fn an_empty_model_is_a_valid_file_without_a_mesh() {
     let bytes = glb(&Model::default()).unwrap();
     gltf::Gltf::from_slice(&bytes).unwrap();
-    assert!(said(read(Gltf, bytes)).contains("has a face with three vertices"));
+    assert!(message(read(Gltf, bytes)).contains("has a face with three vertices"));
 }
 
 #[test]
@@ -223,9 +223,9 @@ fn materials_come_back_from_ply_and_obj() {
     assert_eq!(back.geometries.len(), model.placed.len());
     for (found, placed) in back.geometries.iter().zip(&model.placed) {
         let mesh = &model.geometries[placed.geometry];
-        let materials = |own: &Geometry, of: &Model| -> Vec<_> {
+        let materials = |own: &Geometry, parsed: &Model| -> Vec<_> {
             let own = own.submeshes.iter();
-            let name = |k: usize| of.materials[k].base_color;
+            let name = |k: usize| parsed.materials[k].base_color;
             own.map(|k| (k.material.map(name), k.faces.clone())).collect()
         };
         assert_eq!(materials(found, &back), materials(mesh, &model));
@@ -240,13 +240,13 @@ fn materials_come_back_from_ply_and_obj() {
         let rows = |own: &Option<Indexed<3>>| own.as_ref().map(|own| own.faces.clone());
         assert_eq!(rows(&found.normals), rows(&mesh.normals));
     }
-    let names: Vec<&str> = back.materials.iter().map(|own| &*own.name).collect();
+    let names: Vec<&str> = back.materials.iter().map(|material| &*material.name).collect();
     let painted = &back.materials[names.iter().position(|name| *name == "painted").unwrap()];
     let own = &model.materials[1];
     assert_eq!(painted.base_color, own.base_color);
     assert_eq!([painted.roughness, painted.metallic], [own.roughness, own.metallic]);
     assert_eq!(painted.normal_scale, own.normal_scale);
-    let image = |own: Option<usize>, of: &Model| of.images[own.unwrap()].clone();
+    let image = |own: Option<usize>, parsed: &Model| parsed.images[own.unwrap()].clone();
     assert_eq!(image(painted.base_color_map.image, &back), image(own.base_color_map.image, &model));
     assert_eq!(image(painted.normal_map.image, &back), image(own.normal_map.image, &model));
     assert!(obj(&model, "a\nb").is_err());

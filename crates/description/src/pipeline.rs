@@ -14,7 +14,7 @@ use crate::numbers::{Count, Finite, NotNegative, Positive};
 pub struct PipelineEntry {
     /// How pixels at silhouettes are made.
     #[serde(default)]
-    pub silhouettes: Silhouettes,
+    pub silhouettes: SilhouettesName,
     /// How surfaces answer light; by default `unlit` in a scene without lights, else
     /// `metallic-roughness`.
     pub surface: Option<SurfaceModel>,
@@ -44,7 +44,7 @@ pub struct PipelineEntry {
 /// How pixels at silhouettes are made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Silhouettes {
+pub enum SilhouettesName {
     /// Pixels show what lies at their centres; edges move nothing.
     Aliased,
     /// Pairs of pixels at silhouettes are blended: fast, and blind to edges of faces that lie between pixel
@@ -153,11 +153,11 @@ pub enum LightPlace {
 impl LightEntry {
     /// Where it is; `None` of light from all sides.
     pub fn place(&self) -> Option<LightPlace> {
-        let of = |own: [Finite; 3]| DVec3::from(own.map(|x| x.0));
+        let vector = |numbers: [Finite; 3]| DVec3::from(numbers.map(|x| x.0));
         match *self {
             Self::Ambient { .. } => None,
-            Self::Directional { direction, .. } => Some(LightPlace::Direction(of(direction))),
-            Self::Point { position, .. } => Some(LightPlace::Position(of(position))),
+            Self::Directional { direction, .. } => Some(LightPlace::Direction(vector(direction))),
+            Self::Point { position, .. } => Some(LightPlace::Position(vector(position))),
         }
     }
 
