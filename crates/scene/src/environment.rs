@@ -48,7 +48,7 @@ pub(crate) fn cube_from_panorama(image: &Tensor<f32>, side: usize) -> Tensor<f32
         .collect();
     let mut sums = vec![[0.0_f64; 4]; 6 * side * side];
     for row in 0..rows {
-        let latitude = |at: f64| PI * (0.5 - at / rows as f64);
+        let latitude = |position: f64| PI * (0.5 - position / rows as f64);
         let (sin, cos) = latitude(row as f64 + 0.5).sin_cos();
         let weight = latitude(row as f64).sin() - latitude(row as f64 + 1.0).sin();
         let pixels = &image.data()[row * height / rows * width * 3..][..width * 3];
@@ -74,8 +74,8 @@ fn texel(direction: [f64; 3], side: usize) -> usize {
     };
     let face = 2 * axis + usize::from(direction[axis] < 0.0);
     let [column, row] = AXES[face].map(|(along, sign)| {
-        let at = 0.5 * (sign * direction[along] / size[axis] + 1.0);
-        ((at * side as f64) as usize).min(side - 1)
+        let position = 0.5 * (sign * direction[along] / size[axis] + 1.0);
+        ((position * side as f64) as usize).min(side - 1)
     });
     (face * side + row) * side + column
 }
@@ -92,7 +92,7 @@ mod tests {
     /// The light of a pixel of a panorama of so many rows: its direction's middle.
     fn panorama(height: usize, light: impl Fn([f64; 3]) -> [f64; 3]) -> Tensor<f32> {
         let width = 2 * height;
-        let middle = |at: usize, all: usize| (at as f64 + 0.5) / all as f64;
+        let middle = |position: usize, all: usize| (position as f64 + 0.5) / all as f64;
         let pixels: Vec<_> = (0..height * width)
             .map(|pixel| {
                 let a = TAU * (middle(pixel % width, width) - 0.5);
@@ -106,7 +106,7 @@ mod tests {
     /// The direction to the middle of a texel, and the texel's solid angle.
     fn seen(texel: usize, side: usize) -> ([f64; 3], f64) {
         let (face, row, column) = (texel / (side * side), texel / side % side, texel % side);
-        let edge = |at: usize| 2.0 * at as f64 / side as f64 - 1.0;
+        let edge = |position: usize| 2.0 * position as f64 / side as f64 - 1.0;
         let places = [[edge(column), edge(column + 1)], [edge(row), edge(row + 1)]];
         let mut direction = [0.0; 3];
         direction[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };

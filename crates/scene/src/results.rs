@@ -188,11 +188,11 @@ impl Scene {
             // From the coordinates of its file, which its PLY has, too.
             let back = DMat4::from_translation(-object.offset);
             let places = object.places.iter().map(|place| rows(&(*place * back)));
-            let place = json!({
+            let value = json!({
                 "materials": materials.collect::<Value>(),
                 "places": places.collect::<Value>(),
             });
-            (object.name.clone(), place)
+            (object.name.clone(), value)
         });
         numbers.insert("objects".to_owned(), Value::Object(objects.collect()));
         Value::Object(numbers)

@@ -129,7 +129,7 @@ impl Scene {
         let source = Source { text: folder.read_text(&name)?, path: path.to_owned(), folder };
         let description = Description::parse(&source.text, path)?;
         let is_lit = match description.pipeline.surface {
-            Some(own) => own != SurfaceModel::Unlit,
+            Some(model) => model != SurfaceModel::Unlit,
             None => !description.lights.is_empty() || description.environment.is_some(),
         };
         let mut notes = Vec::new();

@@ -371,8 +371,8 @@ mod tests {
                 Cover::File | Cover::Both => mask(pixel) / 255.0,
             };
             for channel in 0..3 {
-                let share = number(pixel, channel, channels) / 255.0;
-                let light = if is_linear(case) { share } else { decode(share) };
+                let value = number(pixel, channel, channels) / 255.0;
+                let light = if is_linear(case) { value } else { decode(value) };
                 sums[channel] += share * light + (1.0 - share) * f64::from(BEHIND[channel]);
             }
             sums[3] += share;

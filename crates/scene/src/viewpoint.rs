@@ -14,7 +14,7 @@ const RIGID_TOLERANCE: f64 = 1e-3;
 /// The least sine between where a camera looks and its up direction.
 const LEAST_SINE: f64 = 1e-9;
 
-/// The camera of `own` whose images have `width` and `height`.
+/// The camera of `entry` whose images have `width` and `height`.
 ///
 /// # Errors
 /// The rule that it breaks.
@@ -96,18 +96,18 @@ mod tests {
     #[test]
     fn the_angle_of_a_fisheye_is_what_its_image_sees() {
         let text = "angle = 200\nfisheye = [0.1, 0, 0, 0]\nposition = [0, 0, 3]";
-        let own: CameraEntry = toml::from_str(text).unwrap();
-        let camera = camera(&own, [100, 80]).unwrap();
+        let entry: CameraEntry = toml::from_str(text).unwrap();
+        let camera = camera(&entry, [100, 80]).unwrap();
         let angle = 2.0 * camera.angle_at(0, 50.0).unwrap().to_degrees();
         assert!((angle - 200.0).abs() < 1e-9, "{angle}");
-        let own = |numbers: &str| {
+        let entry = |numbers: &str| {
             let text = format!("distortion = {numbers}\nfocal = 3\nposition = [0, 0, 3]");
             toml::from_str::<CameraEntry>(&text).map_err(|error| error.message().to_owned())
         };
-        assert!(own("[1, 2, 3, 4, 5, 6, 7, 8]").is_ok());
+        assert!(entry("[1, 2, 3, 4, 5, 6, 7, 8]").is_ok());
         // Four would be a fisheye's.
         let rule = "a list of 5 or 8 finite numbers is needed here";
-        assert!(own("[1, 2, 3, 4]").unwrap_err().contains(rule));
+        assert!(entry("[1, 2, 3, 4]").unwrap_err().contains(rule));
     }
 
     #[test]
@@ -144,8 +144,8 @@ mod tests {
             (rows("1").replace("[[1,", "[[-1,"), "a pose is a rotation"),
         ];
         for (text, expected) in cases {
-            let own: CameraEntry = toml::from_str(&text).unwrap();
-            let message = camera(&own, [4, 3]).err().unwrap_or_default();
+            let entry: CameraEntry = toml::from_str(&text).unwrap();
+            let message = camera(&entry, [4, 3]).err().unwrap_or_default();
             assert!(
                 message.contains(expected) && message.is_empty() == expected.is_empty(),
                 "{text}: {message}"

@@ -51,7 +51,7 @@ impl ArrayFile {
     pub fn insert(&mut self, name: impl Into<String>, array: impl Into<RawArray>) {
         let (name, entry) = (name.into(), Entry::Array(array.into()));
         match self.by_name.get(&name) {
-            Some(&at) => self.entries[at].1 = entry,
+            Some(&index) => self.entries[index].1 = entry,
             None => self.add(name, entry),
         }
     }
@@ -71,7 +71,7 @@ impl ArrayFile {
     /// # Errors
     /// [`SceneError::Content`] where there is none, and where it does not hold numbers.
     pub fn get(&self, name: &str) -> Result<&RawArray, SceneError> {
-        match self.by_name.get(name).map(|&at| &self.entries[at].1) {
+        match self.by_name.get(name).map(|&index| &self.entries[index].1) {
             Some(Entry::Array(array)) => Ok(array),
             Some(Entry::Foreign(message)) => {
                 Err(SceneError::content(place_of(&self.place, name), message))

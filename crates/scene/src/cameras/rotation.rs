@@ -68,13 +68,13 @@ mod tests {
     #[test]
     fn a_rotation_stays_and_a_rounded_one_becomes_the_nearest() {
         let exact = DMat3::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 1.1);
-        let at = DVec3::new(1.0, -2.0, 3.0);
-        let found = pose(&rows(exact, at)).unwrap();
-        assert_eq!(found, DMat4::from_mat3_translation(exact, at));
+        let translation = DVec3::new(1.0, -2.0, 3.0);
+        let found = pose(&rows(exact, translation)).unwrap();
+        assert_eq!(found, DMat4::from_mat3_translation(exact, translation));
         // To four digits.
         let rounded = |number: f64| (number * 1e4).round() / 1e4;
         let matrix = DMat3::from_cols_array(&exact.to_cols_array().map(rounded));
-        let found = DMat3::from_mat4(pose(&rows(matrix, at)).unwrap());
+        let found = DMat3::from_mat4(pose(&rows(matrix, translation)).unwrap());
         let error = found * found.transpose() - DMat3::IDENTITY;
         assert!(error.to_cols_array().iter().all(|error| error.abs() < 1e-15), "{error}");
         assert!(found.abs_diff_eq(exact, 1e-4) && found != matrix);

@@ -216,7 +216,8 @@ fn slashes(path: &Path) -> String {
 
 fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, SceneError> {
     serde_json::from_str(text).map_err(|error| {
-        let [line, column] = [error.line(), error.column()].map(|at| Some(at).filter(|at| *at > 0));
+        let [line, column] =
+            [error.line(), error.column()].map(|count| Some(count).filter(|count| *count > 0));
         let place = Place { line, column, ..place.clone() };
         let rule = json_message(&error);
         SceneError::content(place, format!("a file of cameras is JSON with frames: {rule}"))

@@ -267,8 +267,8 @@ fn color(
     let names = names.required(r).required(g).required(b).optional(a, 1.0_f32);
     let pixels = names.collect_pixels(
         move |_, _| blank(size, channels),
-        move |samples: &mut Vec<f32>, at, (r, g, b, a): (f32, f32, f32, f32)| {
-            let from = (at.y() * size.width() + at.x()) * channels;
+        move |samples: &mut Vec<f32>, pixel, (r, g, b, a): (f32, f32, f32, f32)| {
+            let from = (pixel.y() * size.width() + pixel.x()) * channels;
             samples[from..from + channels].copy_from_slice(&[r, g, b, a][..channels]);
         },
     );
@@ -288,8 +288,8 @@ fn gray(
     let names = names.required(name).optional(other, 1.0_f32);
     let pixels = names.collect_pixels(
         move |_, _| blank(size, channels),
-        move |samples: &mut Vec<f32>, at, (y, a): (f32, f32)| {
-            let from = (at.y() * size.width() + at.x()) * channels;
+        move |samples: &mut Vec<f32>, pixel, (y, a): (f32, f32)| {
+            let from = (pixel.y() * size.width() + pixel.x()) * channels;
             samples[from..from + channels].copy_from_slice(&[y, a][..channels]);
         },
     );

@@ -49,16 +49,16 @@ fn turned_jpeg(orientation: u8) -> Vec<u8> {
     [&plain[..2], &[0xff, 0xe1], &length, &exif, &plain[2..]].concat()
 }
 
-/// An EXR file of one layer, `size` pixels at `at` of a display window.
+/// An EXR file of one layer, `size` pixels at `offset` of a display window.
 fn exr_file(
     channels: Vec<(&str, FlatSamples)>,
     size: (usize, usize),
-    at: (i32, i32),
+    offset: (i32, i32),
     display: IntegerBounds,
 ) -> Vec<u8> {
     let list = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples));
     let attributes =
-        LayerAttributes { layer_position: Vec2(at.0, at.1), ..LayerAttributes::default() };
+        LayerAttributes { layer_position: Vec2(offset.0, offset.1), ..LayerAttributes::default() };
     let list = AnyChannels::sort(list.collect());
     let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, list);
     let mut bytes = Vec::new();
@@ -110,12 +110,14 @@ fn palettes_and_single_bits_become_channels_of_eight_bits() {
 
 #[test]
 fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
-    let at = |picture: &Picture, row: usize, column: usize| {
+    let offset = |picture: &Picture, row: usize, column: usize| {
         picture.channel(0).unwrap()[[row, column]] * 255.0
     };
     let stored = Picture::decode(&jpeg(32, 16), &place()).unwrap();
     assert_eq!((stored.width, stored.height, stored.channels), (32, 16, 1));
-    assert!((at(&stored, 8, 4) - 20.0).abs() < 4.0 && (at(&stored, 8, 28) - 230.0).abs() < 4.0);
+    assert!(
+        (offset(&stored, 8, 4) - 20.0).abs() < 4.0 && (offset(&stored, 8, 28) - 230.0).abs() < 4.0
+    );
     assert_eq!(Picture::decode_turn(&jpeg(32, 16), &place()).unwrap(), None);
     // Where the dark half is once viewers turned it: (row, column), and a place in the light half.
     let rows = [
@@ -136,8 +138,8 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
         assert_eq!(turn.map_or([32, 16], |turn| turn.size([32, 16])), size, "{orientation}");
         let upright = Picture::decode_upright(&bytes, &place()).unwrap();
         assert_eq!([upright.width, upright.height], size, "{orientation}");
-        assert!((at(&upright, dark.0, dark.1) - 20.0).abs() < 4.0, "{orientation}");
-        assert!((at(&upright, light.0, light.1) - 230.0).abs() < 4.0, "{orientation}");
+        assert!((offset(&upright, dark.0, dark.1) - 20.0).abs() < 4.0, "{orientation}");
+        assert!((offset(&upright, light.0, light.1) - 230.0).abs() < 4.0, "{orientation}");
         let remarks = Picture::remarks(&bytes, &place()).unwrap();
         assert_eq!(remarks.len(), usize::from(orientation != 1), "{remarks:?}");
     }
@@ -186,7 +188,7 @@ fn the_display_window_of_an_exr_is_what_is_shown() {
     // Three columns and two rows of numbers.
     let numbers = || FlatSamples::F32((1..=6).map(|k| k as f32).collect());
     let display = IntegerBounds::new((10, 20), (3, 2));
-    for (at, expected) in [
+    for (offset, expected) in [
         // One to the right and one down.
         ((11, 21), [0.0, 0.0, 0.0, 0.0, 1.0, 2.0]),
         // One to the left and one up.
@@ -198,10 +200,10 @@ fn the_display_window_of_an_exr_is_what_is_shown() {
         ((10, 22), [0.0; 6]),
         ((10, -200), [0.0; 6]),
     ] {
-        let bytes = exr_file(vec![("Y", numbers())], (3, 2), at, display);
+        let bytes = exr_file(vec![("Y", numbers())], (3, 2), offset, display);
         let samples = Samples::F32(expected.to_vec());
         let expected = Picture { width: 3, height: 2, channels: 1, samples };
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected, "{at:?}");
+        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected, "{offset:?}");
         assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
     }
 }
@@ -267,10 +269,11 @@ fn an_exr_whose_blocks_are_told_twice_lacks_pixels() {
     let numbers = FlatSamples::F32((0..32).map(|k| k as f32).collect());
     let mut bytes = plain_exr(vec![("Y", numbers)], (1, 32));
     let table = (0..bytes.len() - 16)
-        .find(|&at| {
-            let entry = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        .find(|&offset| {
+            let entry =
+                |offset: usize| u64::from_le_bytes(bytes[offset..offset + 8].try_into().unwrap());
             // The first block follows the table.
-            entry(at) == at as u64 + 16 && entry(at + 8) > entry(at)
+            entry(offset) == offset as u64 + 16 && entry(offset + 8) > entry(offset)
         })
         .unwrap();
     bytes.copy_within(table..table + 8, table + 8);
@@ -442,9 +445,10 @@ fn a_header_that_claims_too_much_takes_no_memory() {
         // The header claims more columns and rows than there are.
         let mut bytes = plain_exr(vec![("Y", FlatSamples::F32(vec![1.0]))], (1, 1));
         for name in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
-            let at = bytes.windows(name.len()).position(|found| found == name.as_bytes()).unwrap();
+            let offset =
+                bytes.windows(name.len()).position(|found| found == name.as_bytes()).unwrap();
             // After the name come the length of the value and the value.
-            let from = at + name.len() + 4;
+            let from = offset + name.len() + 4;
             let ends: [i32; 4] = [0, 0, size.0 - 1, size.1 - 1];
             let ends: Vec<u8> = ends.iter().flat_map(|end| end.to_le_bytes()).collect();
             bytes[from..from + 16].copy_from_slice(&ends);
@@ -547,10 +551,10 @@ fn the_size_of_a_file_is_found_however_long_its_header() {
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
     for file in &small_files() {
-        for at in 0..file.len() {
+        for offset in 0..file.len() {
             for value in [0, 1, 127, 128, 255] {
                 let mut bytes = file.clone();
-                bytes[at] = value;
+                bytes[offset] = value;
                 if let Ok(picture) = Picture::decode(&bytes, &place()) {
                     assert!(picture.checked(&place()).is_ok());
                     let size = Picture::decode_size(&bytes, &place()).unwrap();

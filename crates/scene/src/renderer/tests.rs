@@ -38,7 +38,7 @@ fn image_with(model: &Model, rest: &str, pose: Option<[f32; 6]>) -> Tensor<f32> 
     let name = &renderer.scene().objects[0].name;
     let pose = pose.map(|pose| Parameter::new(format!("pose/{name}"), Tensor::from(pose)));
     let parameters = Parameters::new();
-    let parameters = pose.into_iter().fold(parameters, |all, own| all.with(own).unwrap());
+    let parameters = pose.into_iter().fold(parameters, |all, next| all.with(next).unwrap());
     let variables = parameters.record(&tape);
     let values = Values { tape: &tape, learnt: Some(&variables) };
     let image = |drawn| renderer.image(&values, &drawn, 1).unwrap().value();
@@ -65,8 +65,8 @@ fn of_text(text: &str, reduce: usize) -> Tensor<f32> {
 /// The red of the pixel that sees a point of the plane z = 0.
 fn seen(image: &Tensor<f32>, x: f64, y: f64) -> f32 {
     let focal = 32.0 / 22.5_f64.to_radians().tan();
-    let at = |x: f64| (32.0 + focal * x / 10.0) as usize;
-    image.data()[3 * (64 * at(-y) + at(x))]
+    let shifted = |x: f64| (32.0 + focal * x / 10.0) as usize;
+    image.data()[3 * (64 * shifted(-y) + shifted(x))]
 }
 
 const LIGHT: &str = "surface = \"lambert\"\ncull = \"back\"\n[[lights]]\nkind = \"directional\"\n\
@@ -110,17 +110,17 @@ fn walls(bytes: [u8; 3], placed: &[(usize, DMat4)]) -> Model {
 fn normal_maps_turn_with_the_instances_and_mirrors() {
     let bytes = [180, 90, 230];
     let [x, y, z] = bytes.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
-    let at = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
+    let shifted = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
     let turn = DMat4::from_rotation_z(0.5 * std::f64::consts::PI);
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let model = walls(
         bytes,
         &[
-            (1, at(-2.1, 1.1)),
-            (1, at(0.0, 1.1) * mirror),
-            (1, at(2.1, 1.1) * turn),
-            (0, at(0.0, -1.1)),
-            (0, at(2.1, -1.1) * mirror),
+            (1, shifted(-2.1, 1.1)),
+            (1, shifted(0.0, 1.1) * mirror),
+            (1, shifted(2.1, 1.1) * turn),
+            (0, shifted(0.0, -1.1)),
+            (0, shifted(2.1, -1.1) * mirror),
         ],
     );
     let image = image(&model, LIGHT);
@@ -151,17 +151,17 @@ fn walls_with_tangents(bytes: [u8; 3], placed: &[(usize, DMat4)]) -> Model {
 fn tangents_of_the_file_turn_with_the_instances_and_mirrors() {
     let bytes = [180, 90, 230];
     let [x, y, z] = bytes.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
-    let at = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
+    let shifted = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
     let turn = DMat4::from_rotation_z(0.5 * std::f64::consts::PI);
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let mut model = walls_with_tangents(
         bytes,
         &[
-            (1, at(-2.1, 1.1)),
-            (1, at(0.0, 1.1) * mirror),
-            (1, at(2.1, 1.1) * turn),
-            (0, at(0.0, -1.1)),
-            (2, at(2.1, -1.1)),
+            (1, shifted(-2.1, 1.1)),
+            (1, shifted(0.0, 1.1) * mirror),
+            (1, shifted(2.1, 1.1) * turn),
+            (0, shifted(0.0, -1.1)),
+            (2, shifted(2.1, -1.1)),
         ],
     );
     // Another wall with a map, whose tangents follow from its coordinates.
@@ -181,8 +181,8 @@ fn tangents_of_the_file_turn_with_the_instances_and_mirrors() {
     }
     // A handedness of -1 is the other bitangent.
     model.geometries[1].tangents.as_mut().unwrap().rows[0][3] = -1.0;
-    let other = image(&model, LIGHT);
-    assert_abs_diff_eq!(seen(&other, -2.1, 1.1), lit(DVec3::new(y, x, z)), epsilon = 1e-6);
+    let rough_borders = image(&model, LIGHT);
+    assert_abs_diff_eq!(seen(&rough_borders, -2.1, 1.1), lit(DVec3::new(y, x, z)), epsilon = 1e-6);
 }
 
 #[test]
@@ -246,15 +246,15 @@ fn each_material_of_a_mesh_is_seen_on_its_own_faces() {
 }
 
 /// The texel among `count` that stands in the place of one.
-fn brought_back(at: f64, count: usize, border: TextureBorder) -> usize {
+fn brought_back(texel: f64, count: usize, border: TextureBorder) -> usize {
     let count = count as f64;
     (match border {
-        TextureBorder::Wrap => at.rem_euclid(count),
+        TextureBorder::Wrap => texel.rem_euclid(count),
         TextureBorder::Mirror => {
-            let phase = at.rem_euclid(2.0 * count);
+            let phase = texel.rem_euclid(2.0 * count);
             phase.min(2.0 * count - 1.0 - phase)
         }
-        _ => at.clamp(0.0, count - 1.0),
+        _ => texel.clamp(0.0, count - 1.0),
     }) as usize
 }
 
@@ -333,7 +333,8 @@ fn a_blur_shrinks_with_the_image() {
                     .map(|n| whole[[row * reduce + n / reduce, column * reduce + n % reduce, k]]);
                 block.sum::<f32>() / (reduce * reduce) as f32
             };
-            let all = (0..side * side * 3).map(|at| (at / 3 / side, at / 3 % side, at % 3));
+            let all = (0..side * side * 3)
+                .map(|shifted| (shifted / 3 / side, shifted / 3 % side, shifted % 3));
             let off = all.map(|(i, j, k)| (small[[i, j, k]] - mean(i, j, k)).abs());
             let off = off.sum::<f32>() / (side * side * 3) as f32;
             assert!(off < bound, "{rest:?} {reduce}: {off}");
@@ -384,10 +385,10 @@ fn continued(image: &Picture, borders: Borders) -> Picture {
     let Samples::U8(samples) = &image.samples else { panic!("bytes") };
     let [width, height] = [3 * image.width, 3 * image.height];
     let pixel = |k: usize| {
-        let at =
+        let shifted =
             |k: usize, count: usize, border| brought_back(k as f64 - count as f64, count, border);
-        let row = at(k / width, image.height, borders[1]);
-        let column = at(k % width, image.width, borders[0]);
+        let row = shifted(k / width, image.height, borders[1]);
+        let column = shifted(k % width, image.width, borders[0]);
         &samples[3 * (row * image.width + column)..][..3]
     };
     let samples = (0..width * height).flat_map(pixel).copied().collect();
@@ -432,9 +433,12 @@ fn maps_of_normals_and_roughness_go_on_as_their_files_say() {
         }
         image(&model, rest)
     };
-    for (own, other) in [([Clamp, Mirror], [Wrap, Clamp]), ([Mirror, Wrap], [Clamp, Wrap])] {
-        let found = drawn([normals.clone(), roughness.clone()], [own, other], true);
-        let images = [continued(&normals, own), continued(&roughness, other)];
+    for (normal_borders, rough_borders) in
+        [([Clamp, Mirror], [Wrap, Clamp]), ([Mirror, Wrap], [Clamp, Wrap])]
+    {
+        let found =
+            drawn([normals.clone(), roughness.clone()], [normal_borders, rough_borders], true);
+        let images = [continued(&normals, normal_borders), continued(&roughness, rough_borders)];
         let expected = drawn(images, [Borders::default(); 2], false);
         let mut lit = 0;
         for (pixel, (found, expected)) in
@@ -464,18 +468,18 @@ fn leaning_walls(normal: DVec3, placed: &[(usize, DMat4)]) -> Model {
 #[test]
 fn normals_of_the_file_go_along_with_the_instances_and_mirrors() {
     let lean = DVec3::new(0.48, 0.36, 0.8);
-    let at = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
+    let shifted = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
     let turn = DMat4::from_rotation_z(0.5 * std::f64::consts::PI);
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let flat = DMat4::from_scale(DVec3::new(1.0, 1.0, 0.5));
     let mut model = leaning_walls(
         lean,
         &[
-            (0, at(-2.1, 1.1)),
-            (0, at(0.0, 1.1) * mirror),
-            (0, at(2.1, 1.1) * turn),
-            (0, at(-2.1, -1.1) * flat),
-            (2, at(0.0, -1.1)),
+            (0, shifted(-2.1, 1.1)),
+            (0, shifted(0.0, 1.1) * mirror),
+            (0, shifted(2.1, 1.1) * turn),
+            (0, shifted(-2.1, -1.1) * flat),
+            (2, shifted(0.0, -1.1)),
         ],
     );
     // Another wall, whose normals follow from its faces.

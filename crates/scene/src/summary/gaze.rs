@@ -54,29 +54,29 @@ pub fn gaze(cameras: &[Camera]) -> Option<(DVec3, f64)> {
     }
     let center = across.inverse() * sum;
     let radii = cameras.iter().map(|camera| {
-        let at = camera.view.transform_point3(center);
+        let point = camera.view.transform_point3(center);
         let [.., cx, cy] = camera.intrinsics;
         let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
         // The axis, how far it is from the principal point to a side of the image, and the place along it.
         let sides = [
-            (0, cx + HALF, at.x),
-            (0, width - HALF - cx, -at.x),
-            (1, cy + HALF, at.y),
-            (1, height - HALF - cy, -at.y),
+            (0, cx + HALF, point.x),
+            (0, width - HALF - cx, -point.x),
+            (1, cy + HALF, point.y),
+            (1, height - HALF - cy, -point.y),
         ];
         if let Distortion::Fisheye(_) = camera.distortion {
             // The angle that is left between the ball's middle and the nearest side.
             let angles = sides.map(|(k, reach, _)| camera.angle_at(k, reach).unwrap_or(PI));
-            let off = at.truncate().length().atan2(at.z);
+            let off = point.truncate().length().atan2(point.z);
             let gap = angles.into_iter().fold(PI, f64::min) - off;
-            return at.length() * gap.min(FRAC_PI_2).sin();
+            return point.length() * gap.min(FRAC_PI_2).sin();
         }
         // The planes through the eye and the sides of the image, as distances to them.
         let gaps = sides.map(|(k, reach, along)| {
             let f = camera.intrinsics[k];
-            (f * along + reach * at.z) / f.hypot(reach)
+            (f * along + reach * point.z) / f.hypot(reach)
         });
-        gaps.into_iter().fold(at.z, f64::min)
+        gaps.into_iter().fold(point.z, f64::min)
     });
     let radius = radii.fold(f64::INFINITY, f64::min);
     (center.is_finite() && radius > 0.0 && radius.is_finite()).then_some((center, radius))

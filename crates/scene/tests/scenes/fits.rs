@@ -60,7 +60,7 @@ fn fitted(scene: Scene) -> SceneFit {
 /// The means of PSNR and of silhouettes' IoU of held-out views.
 fn held_out(fit: &SceneFit) -> [f64; 2] {
     let views = fit.scene().views.iter().enumerate().filter(|(_, view)| view.held_out);
-    let scores: Vec<_> = views.map(|(at, _)| fit.score(at).unwrap()).collect();
+    let scores: Vec<_> = views.map(|(number, _)| fit.score(number).unwrap()).collect();
     let count = scores.len() as f64;
     let psnr = scores.iter().map(|score| score.psnr.unwrap()).sum::<f64>() / count;
     let iou = scores.iter().map(|score| score.silhouette_iou.unwrap_or(0.0)).sum::<f64>() / count;
@@ -201,10 +201,16 @@ fn cameras_of_a_colmap_model_are_learnt_from_a_degree_off() {
     let truth = load(folder.path(), &text).views;
     let mut noisy = truth.clone();
     for (k, view) in noisy.iter_mut().enumerate() {
-        let at = k as f64;
-        let axis = DVec3::new((2.0 * at).sin(), (3.0 * at + 1.0).cos(), (5.0 * at).cos());
+        let number = k as f64;
+        let axis =
+            DVec3::new((2.0 * number).sin(), (3.0 * number + 1.0).cos(), (5.0 * number).cos());
         // A degree about the eye moves the picture by five pixels; the shift moves it again.
-        nudged(view, axis, 1.0, 0.02 * DVec3::new(at.cos(), at.sin(), (4.0 * at).sin()));
+        nudged(
+            view,
+            axis,
+            1.0,
+            0.02 * DVec3::new(number.cos(), number.sin(), (4.0 * number).sin()),
+        );
     }
     let named = noisy.iter().map(|view| (format!("{}.png", view.name), view.camera));
     colmap(folder.path(), &named.collect::<Vec<_>>());
@@ -289,8 +295,8 @@ fn balls_and_eye() -> ([Ball; 2], Eye) {
 /// Light before black, `[pixels, pixels, 3]`.
 fn before_black(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
     let light = light(balls, eye);
-    let own = |k: usize| light.data()[k / 3 * 4 + k % 3] * light.data()[k / 3 * 4 + 3];
-    Tensor::from_flat_fn([eye.pixels, eye.pixels, 3], own)
+    let color = |k: usize| light.data()[k / 3 * 4 + k % 3] * light.data()[k / 3 * 4 + 3];
+    Tensor::from_flat_fn([eye.pixels, eye.pixels, 3], color)
 }
 
 #[test]

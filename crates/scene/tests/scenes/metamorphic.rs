@@ -17,15 +17,15 @@ impl Learnt {
     fn new(scene: Scene) -> Self {
         let mut fit = SceneFit::new(scene).unwrap();
         let losses = std::iter::from_fn(|| fit.step().unwrap()).map(|step| step.loss).collect();
-        let own = fit
+        let values = fit
             .parameters()
             .iter()
             .map(|parameter| (parameter.name().to_owned(), parameter.value()));
-        Self { losses, parameters: own.collect() }
+        Self { losses, parameters: values.collect() }
     }
 
     fn get(&self, name: &str) -> &Tensor<f32> {
-        let found = self.parameters.iter().find(|(own, _)| own == name);
+        let found = self.parameters.iter().find(|(values, _)| values == name);
         &found.unwrap_or_else(|| panic!("{name} is learnt")).1
     }
 }
@@ -48,7 +48,7 @@ fn numbers(tensor: &Tensor<f32>) -> Vec<f64> {
 /// so many times.
 fn picture(file: &Path, view: usize, pixels: usize, reduce: usize) {
     let number = |x: usize, y: usize, c: usize| {
-        let [x, y] = [x, y].map(|at| (at as f64 + 0.5) / pixels as f64 - 0.5);
+        let [x, y] = [x, y].map(|coordinate| (coordinate as f64 + 0.5) / pixels as f64 - 0.5);
         let inside = 1.0 - ((x.hypot(y) - 0.25 - 0.02 * view as f64) / 0.1).clamp(0.0, 1.0);
         (64.0 * inside * (0.4 + 0.2 * ((5 + c) as f64 * x + c as f64).sin())).round() as f32 / 64.0
     };
@@ -75,7 +75,7 @@ fn views(folder: &Path, order: [usize; 4], k: f64, reduce: usize) -> String {
     let entry = |view: usize| {
         let file = format!("{view}-{reduce}.exr");
         picture(&folder.join(&file), view, PIXELS, reduce);
-        let [x, y, z] = PLACES[view].map(|at| at * k);
+        let [x, y, z] = PLACES[view].map(|coordinate| coordinate * k);
         format!(
             "[[views]]\nname = \"{view}\"\nimage = {file:?}\n\
              camera = {{ position = [{x:?}, {y:?}, {z:?}], angle = 40.0 }}\n"
@@ -100,7 +100,7 @@ fn octahedron(folder: &Path, k: f64) {
         [0.0, 0.0, 1.0],
         [0.0, 0.125, -1.0],
     ] {
-        let [x, y, z] = corner.map(|at: f64| at * k);
+        let [x, y, z] = corner.map(|coordinate: f64| coordinate * k);
         text += &format!("v {x:?} {y:?} {z:?}\n");
     }
     for face in ["1 3 5", "3 2 5", "2 4 5", "4 1 5", "3 1 6", "2 3 6", "4 2 6", "1 4 6"] {
@@ -153,9 +153,9 @@ fn a_scene_in_another_unit_learns_the_same() {
                 assert!(apart < 2e-3, "{name}: {apart} in 1/{k} of the unit");
             }
             for name in ["pose/octahedron", "cameras", "aperture"] {
-                let own = numbers(expected.get(name));
-                let start = vec![if name == "aperture" { 1.0 } else { 0.0 }; own.len()];
-                let apart = apart(&numbers(found.get(name)), &own, &start);
+                let values = numbers(expected.get(name));
+                let start = vec![if name == "aperture" { 1.0 } else { 0.0 }; values.len()];
+                let apart = apart(&numbers(found.get(name)), &values, &start);
                 assert!(apart < 2e-3, "{name}: {apart} in 1/{k} of the unit");
             }
             for (found, expected) in found.losses.iter().zip(&expected.losses) {
@@ -217,8 +217,9 @@ fn views_in_another_order_learn_the_same() {
         }
         let cameras = numbers(found.get("cameras"));
         let mut sorted = vec![0.0; 24];
-        for (at, view) in order.into_iter().enumerate() {
-            sorted[6 * view..6 * view + 6].copy_from_slice(&cameras[6 * at..6 * at + 6]);
+        for (coordinate, view) in order.into_iter().enumerate() {
+            sorted[6 * view..6 * view + 6]
+                .copy_from_slice(&cameras[6 * coordinate..6 * coordinate + 6]);
         }
         let apart = apart(&sorted, &numbers(expected.get("cameras")), &[0.0; 24]);
         assert!(apart < 1e-3, "{order:?}: {apart}");
@@ -254,13 +255,13 @@ fn instances_learn_as_meshes_of_their_own() {
         assert!((found / expected - 1.0).abs() < 1e-5, "{found}, {expected}");
     }
     for name in ["cameras", "intrinsics", "light/0", "light_place/0", "exposure"] {
-        let own = numbers(expected.get(name));
+        let values = numbers(expected.get(name));
         let start = match name {
             "light/0" => vec![2.0; 3],
             "light_place/0" => [1.0, 2.0, 1.0].map(|x: f64| x / 6.0_f64.sqrt()).to_vec(),
-            _ => vec![0.0; own.len()],
+            _ => vec![0.0; values.len()],
         };
-        let apart = apart(&numbers(found.get(name)), &own, &start);
+        let apart = apart(&numbers(found.get(name)), &values, &start);
         assert!(apart < 1e-3, "{name}: {apart}");
     }
 }

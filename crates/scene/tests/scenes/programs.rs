@@ -394,20 +394,20 @@ fn a_fisheye_sees_a_ball_where_its_angle_is_before_and_behind_the_eye() {
 fn every_kind_of_lens_is_learnt_and_drawn_again() {
     let folder = tempfile::tempdir().unwrap();
     png(folder.path());
-    let head = |own: [&str; 2]| {
-        let view = |own: &str| {
+    let head = |keys: [&str; 2]| {
+        let view = |keys: &str| {
             let place = "position = [0.5, 0.4, 3], target = [0.2, 0, 0]";
             format!(
                 "[[views]]\nname = \"{}\"\nimage = \"a.png\"\n\
-                     camera = {{ {place}, focal = 30, {own} }}\n",
-                own.len()
+                     camera = {{ {place}, focal = 30, {keys} }}\n",
+                keys.len()
             )
         };
         format!(
             "[[meshes]]\nshape = \"sphere\"\nfaces = 200\n{}{}[stop]\nsteps = 6\n\
              [learn.distortion]\nrate = 0.05\n",
-            view(own[0]),
-            view(own[1])
+            view(keys[0]),
+            view(keys[1])
         )
     };
     let lenses = ["distortion = [0.01, 0, 0, 0, 0, 0.02, 0, 0]", "fisheye = [0.01, 0, 0, 0]"];
@@ -506,7 +506,7 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     // In the world they are the same, and in the mesh's own coordinates they are where its file had them.
     let model = |folder: &Folder, file: &str| read_model(folder, file).unwrap();
     assert_eq!(model(&near.2, "mesh.glb"), model(&far.2, "mesh.glb"));
-    let written = [&near, &far].map(|own| model(&own.2, "ball.ply").geometries.remove(0));
+    let written = [&near, &far].map(|keys| model(&keys.2, "ball.ply").geometries.remove(0));
     assert_eq!([written[0].offset, written[1].offset], [DVec3::ZERO, offset]);
     assert_eq!(written[0].positions, written[1].positions);
     assert_eq!(written[0].faces, written[1].faces);
@@ -715,13 +715,13 @@ fn a_texture_that_is_learnt_is_one_that_was_read() {
         fs::write(folder.join("m.mtl"), format!("newmtl a\nmap_Kd {file}\n")).unwrap();
         let mesh = format!("{VIEW}[[meshes]]\nfile = \"a.obj\"\n");
         let scene = load(folder, &format!("{mesh}[learn.vertices]\n"));
-        assert!(scene.notes.iter().any(|own| own.contains(note)), "{:?}", scene.notes);
+        assert!(scene.notes.iter().any(|keys| keys.contains(note)), "{:?}", scene.notes);
         assert!(SceneFit::new(scene).is_ok());
         let error = SceneFit::new(load(folder, &format!("{mesh}[learn.texture]\n")));
         let error = error.err().unwrap().to_string();
         assert!(error.contains("`learn.texture` learns is there, and of \"a\""), "{error}");
-        let own = format!("{mesh}material = {{ texture_size = 4 }}\n[learn.texture]\n");
-        assert!(SceneFit::new(load(folder, &own)).is_ok());
+        let keys = format!("{mesh}material = {{ texture_size = 4 }}\n[learn.texture]\n");
+        assert!(SceneFit::new(load(folder, &keys)).is_ok());
         fs::write(folder.join("m.mtl"), format!("newmtl a\nmap_Pm {file}\n")).unwrap();
         let error = SceneFit::new(load(folder, &format!("{mesh}[learn.roughness]\n")));
         let error = error.err().unwrap().to_string();
@@ -737,7 +737,7 @@ fn a_scene_far_from_the_origin_is_drawn_and_learnt_as_one_at_the_origin() {
     let offset = DVec3::new(500_000.0, 4_649_776.0, 100.0);
     let fitted = |file: &str, at: DVec3| {
         sphere_at(folder, file, at);
-        let place = |own: [f64; 3]| format!("{:?}", (DVec3::from(own) + at).to_array());
+        let place = |keys: [f64; 3]| format!("{:?}", (DVec3::from(keys) + at).to_array());
         let (eye, target) = (place([0.5, 0.4, 4.0]), place([0.0; 3]));
         let lamp = place([2.0, 1.0, 3.0]);
         let mut fit = SceneFit::new(load(

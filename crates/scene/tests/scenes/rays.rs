@@ -30,9 +30,13 @@ impl Ball {
     pub(crate) fn motley(center: DVec3, radius: f64) -> Self {
         let waves = std::array::from_fn(|c| {
             std::array::from_fn(|k| {
-                let at = (3 * c + k) as f64;
-                let along = DVec3::new((1.0 + at).sin(), (2.0 + 3.0 * at).cos(), (5.0 * at).sin());
-                ((6.0 + 2.0 * k as f64) * along, at)
+                let coordinate = (3 * c + k) as f64;
+                let along = DVec3::new(
+                    (1.0 + coordinate).sin(),
+                    (2.0 + 3.0 * coordinate).cos(),
+                    (5.0 * coordinate).sin(),
+                );
+                ((6.0 + 2.0 * k as f64) * along, coordinate)
             })
         });
         Self { center, radius, waves, light: None }
@@ -45,10 +49,11 @@ impl Ball {
 
     /// Linear light of a place on the ball.
     pub(crate) fn color(&self, place: DVec3) -> [f64; 3] {
-        let own = (place - self.center) / self.radius;
-        let share = self.light.map_or(1.0, |light| light.dot(own).max(0.0));
+        let normal = (place - self.center) / self.radius;
+        let share = self.light.map_or(1.0, |light| light.dot(normal).max(0.0));
         self.waves.map(|waves| {
-            let sum: f64 = waves.iter().map(|(along, phase)| (along.dot(own) + phase).sin()).sum();
+            let sum: f64 =
+                waves.iter().map(|(along, phase)| (along.dot(normal) + phase).sin()).sum();
             share * (0.5 + 0.14 * sum)
         })
     }
@@ -64,11 +69,12 @@ impl Ball {
 
 impl Eye {
     /// The direction of a ray through a place in the image, in pixels.
-    fn along(&self, at: [f64; 2]) -> DVec3 {
+    fn along(&self, coordinate: [f64; 2]) -> DVec3 {
         let forward = (-self.position).normalize();
         let right = forward.cross(DVec3::Y).normalize();
         let half = (0.5 * self.angle.to_radians()).tan();
-        let [x, y] = at.map(|at| half * (2.0 * at / self.pixels as f64 - 1.0));
+        let [x, y] =
+            coordinate.map(|coordinate| half * (2.0 * coordinate / self.pixels as f64 - 1.0));
         (forward + x * right + y * forward.cross(right)).normalize()
     }
 }
@@ -88,8 +94,11 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
         let (row, column) = (pixel / pixels, pixel % pixels);
         let mut total = [0.0; 4];
         for k in 0..RAYS * RAYS {
-            let at = [(column, k % RAYS), (row, k / RAYS)];
-            let along = eye.along(at.map(|(at, ray)| at as f64 + (ray as f64 + 0.5) / RAYS as f64));
+            let coordinate = [(column, k % RAYS), (row, k / RAYS)];
+            let along = eye.along(
+                coordinate
+                    .map(|(coordinate, ray)| coordinate as f64 + (ray as f64 + 0.5) / RAYS as f64),
+            );
             let met = balls.iter().filter_map(|ball| Some((ball.met(position, along)?, ball)));
             let far = |(place, _): &(DVec3, &Ball)| place.distance(position);
             if let Some((place, ball)) = met.min_by(|a, b| far(a).total_cmp(&far(b))) {
@@ -114,8 +123,9 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
 pub(crate) fn distances(balls: &[Ball], eye: &Eye, far: f64) -> Vec<f64> {
     let forward = (-eye.position).normalize();
     let rays = (0..eye.pixels * eye.pixels).map(|pixel| {
-        let at = [pixel % eye.pixels, pixel / eye.pixels].map(|at| at as f64 + 0.5);
-        let along = eye.along(at);
+        let coordinate =
+            [pixel % eye.pixels, pixel / eye.pixels].map(|coordinate| coordinate as f64 + 0.5);
+        let along = eye.along(coordinate);
         let met = balls.iter().filter_map(|ball| ball.met(eye.position, along));
         met.map(|place| (place - eye.position).dot(forward)).fold(far, f64::min)
     });
@@ -126,9 +136,9 @@ pub(crate) fn distances(balls: &[Ball], eye: &Eye, far: f64) -> Vec<f64> {
 /// border. `light` is `[pixels, pixels, C]`.
 pub(crate) fn blurred(light: &Tensor<f32>, sigmas: &[f64]) -> Tensor<f32> {
     let (pixels, channels) = (light.shape()[0] as isize, light.shape()[2]);
-    let mirrored = |at: isize| {
-        let at = at.rem_euclid(2 * pixels);
-        if at < pixels { at } else { 2 * pixels - 1 - at }
+    let mirrored = |coordinate: isize| {
+        let coordinate = coordinate.rem_euclid(2 * pixels);
+        if coordinate < pixels { coordinate } else { 2 * pixels - 1 - coordinate }
     };
     let mut all = vec![0.0_f32; light.size()];
     for (pixel, sum) in all.chunks_exact_mut(channels).enumerate() {
@@ -139,10 +149,11 @@ pub(crate) fn blurred(light: &Tensor<f32>, sigmas: &[f64]) -> Tensor<f32> {
         let mut total = vec![0.0; channels + 1];
         for (down, right) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
             let weight = weight(down) * weight(right);
-            let at = mirrored(row + down) * pixels + mirrored(column + right);
+            let coordinate = mirrored(row + down) * pixels + mirrored(column + right);
             total[channels] += weight;
             for (channel, total) in total[..channels].iter_mut().enumerate() {
-                *total += weight * f64::from(light.data()[at as usize * channels + channel]);
+                *total +=
+                    weight * f64::from(light.data()[coordinate as usize * channels + channel]);
             }
         }
         for (sum, part) in sum.iter_mut().zip(&total) {

@@ -179,8 +179,8 @@ fn seconds_of_earlier_runs_count() {
 fn keys() -> BTreeSet<String> {
     let schema: Value = serde_json::from_str(&description::schema()).unwrap();
     let properties = |schema: &Value| -> Vec<(String, Value)> {
-        let own = schema["properties"].as_object().unwrap();
-        own.iter().map(|(name, own)| (name.clone(), own.clone())).collect()
+        let value = schema["properties"].as_object().unwrap();
+        value.iter().map(|(name, value)| (name.clone(), value.clone())).collect()
     };
     let target = |schema: &Value| -> Value {
         let choices = [&schema["$ref"], &schema["items"]["$ref"], &schema["anyOf"][0]["$ref"]];
@@ -192,12 +192,12 @@ fn keys() -> BTreeSet<String> {
         |table: &str| target(&whole.iter().find(|(name, _)| name == table).unwrap().1);
     let mut all = BTreeSet::new();
     for table in ["pipeline", "learn", "loss", "stages", "stop"] {
-        for (name, own) in properties(&table_schema(table)) {
-            let inner = target(&own);
+        for (name, value) in properties(&table_schema(table)) {
+            let inner = target(&value);
             let key = format!("{table}.{name}");
             match inner["properties"].is_object() {
                 true => {
-                    all.extend(properties(&inner).iter().map(|(own, _)| format!("{key}.{own}")))
+                    all.extend(properties(&inner).iter().map(|(value, _)| format!("{key}.{value}")))
                 }
                 false => drop(all.insert(key)),
             }
@@ -349,7 +349,7 @@ fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused(
     let absent = ["learn.texture.", "learn.environment."];
     let others = ["meshes", "total_variation"];
     let is_elsewhere = |key: &&String| {
-        absent.iter().any(|own| key.starts_with(own))
+        absent.iter().any(|value| key.starts_with(value))
             || (key.starts_with("learn.roughness.") || key.starts_with("learn.metallic."))
                 && others.iter().any(|other| key.ends_with(other))
     };
@@ -387,7 +387,7 @@ fn a_fit_made_longer_continues_the_longer_schedule() {
         };
         // Steps of Adam are in proportion to the rate.
         let ratio = step_of(steps) / step_of(100_000);
-        let [done, steps] = [done, steps].map(|own| own as f64);
+        let [done, steps] = [done, steps].map(|value| value as f64);
         let expected = factor(done, steps) / factor(done, 1e5);
         assert!((ratio / expected - 1.0).abs() < 0.01, "{ratio} at step {done} of {steps}");
     }

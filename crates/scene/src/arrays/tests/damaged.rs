@@ -75,21 +75,21 @@ fn check((name, file, read, factor): &(String, Vec<u8>, Read, u64), bytes: &[u8]
 
 #[test]
 fn files_that_are_cut_short_have_an_answer() {
-    for own in files() {
-        for length in 0..=own.1.len() {
-            check(&own, &own.1[..length]);
+    for case in files() {
+        for length in 0..=case.1.len() {
+            check(&case, &case.1[..length]);
         }
     }
 }
 
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
-    for own in files() {
-        for at in 0..own.1.len() {
+    for case in files() {
+        for index in 0..case.1.len() {
             for value in [0, 1, b'(', b'9', 0x7f, 0x80, 0xff] {
-                let mut bytes = own.1.clone();
-                bytes[at] = value;
-                check(&own, &bytes);
+                let mut bytes = case.1.clone();
+                bytes[index] = value;
+                check(&case, &bytes);
             }
         }
     }
@@ -97,11 +97,11 @@ fn files_with_a_wrong_byte_have_an_answer() {
 
 #[test]
 fn files_that_grew_have_an_answer() {
-    for own in files() {
-        for at in (0..own.1.len()).step_by(3) {
-            let (before, after) = own.1.split_at(at);
+    for case in files() {
+        for index in (0..case.1.len()).step_by(3) {
+            let (before, after) = case.1.split_at(index);
             for middle in [&b"0"[..], b"99999999", b"\xff\xff\xff\xff\xff\xff\xff\xff", before] {
-                check(&own, &[before, middle, after].concat());
+                check(&case, &[before, middle, after].concat());
             }
         }
     }
@@ -114,14 +114,14 @@ proptest! {
     fn any_bytes_have_an_answer(
         noise in vec(bytes(), 0..300),
         which: prop::sample::Index,
-        at: prop::sample::Index,
+        index: prop::sample::Index,
     ) {
         let files = files();
-        let own = &files[which.index(files.len())];
-        check(own, &noise);
+        let case = &files[which.index(files.len())];
+        check(case, &noise);
         // Noise after a true beginning.
-        let beginning = &own.1[..at.index(own.1.len())];
-        check(own, &[beginning, &noise].concat());
+        let beginning = &case.1[..index.index(case.1.len())];
+        check(case, &[beginning, &noise].concat());
     }
 
     #[test]
@@ -130,13 +130,13 @@ proptest! {
         wrong in vec((any::<prop::sample::Index>(), bytes()), 1..20),
     ) {
         let files = files();
-        let own = &files[which.index(files.len())];
-        let mut bytes = own.1.clone();
-        for (at, byte) in wrong {
-            let at = at.index(bytes.len());
-            bytes[at] = byte;
+        let case = &files[which.index(files.len())];
+        let mut bytes = case.1.clone();
+        for (index, byte) in wrong {
+            let index = index.index(bytes.len());
+            bytes[index] = byte;
         }
-        check(own, &bytes);
+        check(case, &bytes);
     }
 }
 
@@ -170,7 +170,7 @@ fn archives_that_claim_too_much_take_no_memory() {
         file.extend(b"PK\x06\x06");
         file.extend(44_u64.to_le_bytes());
         file.extend([45, 0, 45, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
-        [count, count, size, start].iter().for_each(|own| file.extend(own.to_le_bytes()));
+        [count, count, size, start].iter().for_each(|case| file.extend(case.to_le_bytes()));
         file.extend(b"PK\x06\x07\0\0\0\0");
         file.extend(record.to_le_bytes());
         file.extend([1, 0, 0, 0]);

@@ -55,8 +55,8 @@ fn archives_hold_files_that_numpy_would_write() {
     arrays.insert("b/zeros", &zeros);
     arrays.insert("a", &[[1_u32, 2, 3]][..]);
     let stored = npz(&arrays, Packing::Stored).unwrap();
-    let own = npy(arrays.get("b/zeros").unwrap()).unwrap();
-    assert!(stored.windows(own.len()).any(|window| window == own));
+    let array = npy(arrays.get("b/zeros").unwrap()).unwrap();
+    assert!(stored.windows(array.len()).any(|window| window == array));
     let deflated = npz(&arrays, Packing::Deflated).unwrap();
     assert!(deflated.len() < 1000, "{}", deflated.len());
     for bytes in [&stored, &deflated] {

@@ -43,9 +43,9 @@ proptest! {
         for number in [(1 << shift) + near, -(1 << shift) + near, bits.into(), i128::from(bits as i64)] {
             let number = number.clamp(least, largest);
             let array = array(kind, number);
-            let found = array.tensor::<f32>().map(|own| own.item() as i128);
+            let found = array.tensor::<f32>().map(|tensor| tensor.item() as i128);
             prop_assert_eq!(found.ok(), is_exact(number, 24).then_some(number));
-            let found = array.tensor::<f64>().map(|own| own.item() as i128);
+            let found = array.tensor::<f64>().map(|tensor| tensor.item() as i128);
             prop_assert_eq!(found.ok(), is_exact(number, 53).then_some(number));
             let index = array.indices::<1>().ok();
             prop_assert_eq!(index, u32::try_from(number).ok().map(|index| vec![[index]]));

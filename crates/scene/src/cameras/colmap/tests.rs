@@ -81,8 +81,9 @@ fn binary() -> Binary {
         image(8, one, 7, "d.png", 0),
         image(9, one, 5, "e.png", 0),
     ];
-    let point = |number: u64, at: [f64; 3], color: [u8; 3], track: u64| {
-        let head = [&number.to_le_bytes()[..], &numbers(&at), &color, &numbers(&[0.5])].concat();
+    let point = |number: u64, offset: [f64; 3], color: [u8; 3], track: u64| {
+        let head =
+            [&number.to_le_bytes()[..], &numbers(&offset), &color, &numbers(&[0.5])].concat();
         [head, track.to_le_bytes().to_vec(), vec![1; 8 * track as usize]].concat()
     };
     let points = [
@@ -254,8 +255,8 @@ fn counts_beyond_the_file_take_no_memory() {
     assert!(message(&cameras).contains(rule), "{}", message(&cameras));
     // The count of the first image's features: two, before its bytes of 255.
     let mut images = binary();
-    let at = images.images.windows(6).position(|window| window == b"c.png\0").unwrap() + 6;
-    images.images[at..at + 8].copy_from_slice(&huge);
+    let offset = images.images.windows(6).position(|window| window == b"c.png\0").unwrap() + 6;
+    images.images[offset..offset + 8].copy_from_slice(&huge);
     assert!(
         message(&images).contains("and their count is 18446744073709551615"),
         "{}",
@@ -308,23 +309,23 @@ fn files_that_are_cut_short_have_an_answer_at_each_length() {
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
     let (whole, place) = (binary(), Place::new("file"));
-    let changed = |file: &[u8], at: usize, value: u8| {
+    let changed = |file: &[u8], offset: usize, value: u8| {
         let mut file = file.to_vec();
-        file[at] = value;
+        file[offset] = value;
         file
     };
     for value in [0, 1, 0x7f, 0x80, 0xff] {
-        for at in 0..whole.cameras.len() {
-            if let Ok(lenses) = binary::lenses(&changed(&whole.cameras, at, value), &place) {
+        for offset in 0..whole.cameras.len() {
+            if let Ok(lenses) = binary::lenses(&changed(&whole.cameras, offset, value), &place) {
                 assert!(lenses.iter().flat_map(|lens| lens.camera.intrinsics).all(f64::is_finite));
             }
         }
-        for at in 0..whole.images.len() {
-            let found = binary::shots(&changed(&whole.images, at, value), &place);
+        for offset in 0..whole.images.len() {
+            let found = binary::shots(&changed(&whole.images, offset, value), &place);
             assert!(found.is_err() || found.is_ok_and(|shots| shots.len() <= 5));
         }
-        for at in 0..whole.points.len() {
-            if let Ok(points) = binary::points(&changed(&whole.points, at, value), &place) {
+        for offset in 0..whole.points.len() {
+            if let Ok(points) = binary::points(&changed(&whole.points, offset, value), &place) {
                 assert!(points.iter().all(|numbered| numbered.point.position.is_finite()));
             }
         }

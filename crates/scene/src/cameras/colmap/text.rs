@@ -40,8 +40,8 @@ impl<'t> Record<'t> {
 /// The lines that are neither empty nor comments, with their numbers.
 fn records<'t>(text: &'t str, place: &'t Place) -> impl Iterator<Item = Record<'t>> {
     let lines = text.lines().enumerate();
-    lines.filter(|(_, line)| is_record(line)).map(move |(at, line)| Record {
-        line: at + 1,
+    lines.filter(|(_, line)| is_record(line)).map(move |(index, line)| Record {
+        line: index + 1,
         rest: line.split_whitespace(),
         place,
     })
@@ -73,11 +73,11 @@ pub(super) fn lenses(text: &str, place: &Place) -> Result<Vec<Lens>, SceneError>
 pub(super) fn shots(text: &str, place: &Place) -> Result<Vec<Shot>, SceneError> {
     let mut shots = Vec::new();
     let mut lines = text.lines().enumerate();
-    while let Some((at, line)) = lines.next() {
+    while let Some((index, line)) = lines.next() {
         if !is_record(line) {
             continue;
         }
-        let mut record = Record { line: at + 1, rest: line.split_whitespace(), place };
+        let mut record = Record { line: index + 1, rest: line.split_whitespace(), place };
         record.number::<u32>("an image's number")?;
         let w = record.number("QW")?;
         let DVec3 { x, y, z } = record.vector(["QX", "QY", "QZ"])?;
@@ -90,12 +90,12 @@ pub(super) fn shots(text: &str, place: &Place) -> Result<Vec<Shot>, SceneError> 
             return Err(record.error("an image's name is missing"));
         }
         shots.push(Shot { rotation, translation, camera, name });
-        if let Some((at, features)) = lines.next()
+        if let Some((index, features)) = lines.next()
             && !are_features(features)
         {
             let rule =
                 "after an image's line comes one of its points, of three numbers each or empty";
-            let place = Place { line: Some(at + 1), ..place.clone() };
+            let place = Place { line: Some(index + 1), ..place.clone() };
             return Err(SceneError::content(place, format!("{rule}, and this is neither")));
         }
     }

@@ -38,8 +38,8 @@ fn a_camera_of_opencv_looks_along_z_with_y_down() {
 
 #[test]
 fn a_lens_follows_brown_with_the_coefficients_in_opencvs_order() {
-    let camera = |own| {
-        let distortion = Distortion::Polynomial(own);
+    let camera = |lens_camera| {
+        let distortion = Distortion::Polynomial(lens_camera);
         Camera { distortion, ..Camera::new(SIZE, INTRINSICS) }
     };
     // x = 1/2 and y = 1/4, r^2 = 5/16.
@@ -149,15 +149,15 @@ fn whole_cameras_show_points_where_opencv_does() {
 fn what_the_formula_of_a_lens_does_not_reach_is_not_seen() {
     let camera = |distortion| Camera { distortion, ..Camera::new(SIZE, INTRINSICS) };
     // The polynomial turns round at r = 1, at 2/3.
-    let own = camera(Distortion::Polynomial([-1.0 / 3.0, 0.0, 0.0, 0.0, 0.0]));
-    assert_seen(&own, [0.5, 0.0, 1.0], [49.5 + 100.0 * 0.5 * (1.0 - 0.25 / 3.0), 39.5]);
-    assert_eq!(own.pixel(DVec3::new(1.1, 0.0, 1.0)), None);
+    let lens_camera = camera(Distortion::Polynomial([-1.0 / 3.0, 0.0, 0.0, 0.0, 0.0]));
+    assert_seen(&lens_camera, [0.5, 0.0, 1.0], [49.5 + 100.0 * 0.5 * (1.0 - 0.25 / 3.0), 39.5]);
+    assert_eq!(lens_camera.pixel(DVec3::new(1.1, 0.0, 1.0)), None);
     // A fisheye sees behind itself, up to 150 degrees.
-    let own = camera(Distortion::Fisheye([0.0; 4]));
+    let lens_camera = camera(Distortion::Fisheye([0.0; 4]));
     let at = |angle: f64| [2.0 * angle.sin(), 0.0, 2.0 * angle.cos()];
-    assert_seen(&own, at(2.5), [49.5 + 250.0, 39.5]);
-    assert_eq!(own.pixel(DVec3::from(at(2.7))), None);
-    assert_eq!(own.angle_at(0, -50.0), Some(-0.5));
+    assert_seen(&lens_camera, at(2.5), [49.5 + 250.0, 39.5]);
+    assert_eq!(lens_camera.pixel(DVec3::from(at(2.7))), None);
+    assert_eq!(lens_camera.angle_at(0, -50.0), Some(-0.5));
     assert_eq!(camera(Distortion::NONE).angle_at(1, 100.0), Some(std::f64::consts::FRAC_PI_4));
 }
 
@@ -166,8 +166,8 @@ fn a_resized_image_shows_a_point_in_the_same_place() {
     let camera = Camera::new(SIZE, [100.0, 110.0, 47.3, 41.7]);
     let other = camera.resized(Size { width: 51, height: 20 });
     let point = DVec3::new(0.3, -0.2, 1.7);
-    let [own, found] = [camera, other].map(|camera| camera.pixel(point).unwrap());
-    assert!(((own + 0.5) * DVec2::new(0.51, 0.25) - 0.5).abs_diff_eq(found, 1e-12));
+    let [lens_camera, found] = [camera, other].map(|camera| camera.pixel(point).unwrap());
+    assert!(((lens_camera + 0.5) * DVec2::new(0.51, 0.25) - 0.5).abs_diff_eq(found, 1e-12));
 }
 
 #[test]

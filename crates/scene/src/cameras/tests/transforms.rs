@@ -26,8 +26,8 @@ fn file(text: &str) -> Result<CameraFile, SceneError> {
 }
 
 /// A file with one frame, of which these keys are said.
-fn one(common: &str, own: &str) -> Result<Camera, SceneError> {
-    let text = format!(r#"{{{common} "frames": [{}]}}"#, frame("a", own));
+fn one(common: &str, frame_keys: &str) -> Result<Camera, SceneError> {
+    let text = format!(r#"{{{common} "frames": [{}]}}"#, frame("a", frame_keys));
     read(&text).map(|views| views[0].camera)
 }
 
@@ -82,8 +82,8 @@ fn intrinsics_of_nerfstudio_count_from_the_corner() {
 #[test]
 fn a_focal_length_goes_before_an_angle_and_pixels_are_square() {
     let size = r#""w": 100, "h": 80,"#;
-    let focal = |common: &str, own: &str| {
-        let camera = one(&format!("{size}{common}"), own).unwrap();
+    let focal = |common: &str, frame_keys: &str| {
+        let camera = one(&format!("{size}{common}"), frame_keys).unwrap();
         [camera.intrinsics[0], camera.intrinsics[1]].map(|f| (f * 1e9).round() / 1e9)
     };
     // The angle of a right angle has a focal length of half of the extent.
@@ -94,8 +94,8 @@ fn a_focal_length_goes_before_an_angle_and_pixels_are_square() {
     let both = format!(r#""camera_angle_x": {right}, "camera_angle_y": {right},"#);
     assert_eq!(focal(&both, ""), [50.0, 40.0]);
     assert_eq!(focal(&format!(r#"{both} "fl_x": 70,"#), ""), [70.0, 40.0]);
-    let own = format!(r#", "camera_angle_x": {right}"#);
-    assert_eq!(focal(r#""fl_x": 70, "fl_y": 60,"#, &own), [50.0, 60.0]);
+    let frame_keys = format!(r#", "camera_angle_x": {right}"#);
+    assert_eq!(focal(r#""fl_x": 70, "fl_y": 60,"#, &frame_keys), [50.0, 60.0]);
 }
 
 #[test]
@@ -124,11 +124,11 @@ fn what_is_no_camera_is_refused_with_the_rule() {
     );
     let fisheye = r#", "is_fisheye": true, "p2": 0.1"#;
     assert_said(one(focal, fisheye), "a fisheye has k1, k2, k3 and k4, and p2 is 0.1");
-    for (own, message) in [("OPENCV", true), ("OPENCV_FISHEYE", false)] {
-        let keys = format!(r#", "camera_model": "{own}", "is_fisheye": {message}"#);
+    for (frame_keys, message) in [("OPENCV", true), ("OPENCV_FISHEYE", false)] {
+        let keys = format!(r#", "camera_model": "{frame_keys}", "is_fisheye": {message}"#);
         assert_said(
             one(focal, &keys),
-            &format!("camera_model is {own}, and is_fisheye is {message}"),
+            &format!("camera_model is {frame_keys}, and is_fisheye is {message}"),
         );
     }
     for key in ["ftheta_p0", "ftheta_p4"] {
@@ -237,8 +237,8 @@ fn what_is_written_is_read_again() {
         NamedView { name, image, mask: None, camera: camera.with_opengl_pose(pose) }
     };
     let shared: Vec<NamedView> = (0..3).map(|k| view(k, 40.2)).collect();
-    let own: Vec<NamedView> = (0..3).map(|k| view(k, 41.2 + k as f64)).collect();
-    for (views, lenses) in [(shared, 1), (own, 3), (Vec::new(), 0)] {
+    let frame_keys: Vec<NamedView> = (0..3).map(|k| view(k, 41.2 + k as f64)).collect();
+    for (views, lenses) in [(shared, 1), (frame_keys, 3), (Vec::new(), 0)] {
         let text = transforms_json(&views);
         assert_eq!(text.matches("fl_x").count(), lenses);
         let (_place, folder) = scene(&[("t.json", &text)], &["0.png", "1.png", "2.png"]);
@@ -279,8 +279,8 @@ fn fisheyes_and_quotients_are_those_of_their_programs() {
 
 #[test]
 fn keys_that_nobody_knows_are_named_in_a_note() {
-    let notes = |keys: &str, own: &str| {
-        let text = format!(r#"{{"fl_x": 1, {keys} "frames": [{}]}}"#, frame("a", own));
+    let notes = |keys: &str, frame_keys: &str| {
+        let text = format!(r#"{{"fl_x": 1, {keys} "frames": [{}]}}"#, frame("a", frame_keys));
         file(&text).unwrap().notes
     };
     // As NeRF, instant-ngp's scripts and nerfstudio write them.

@@ -44,8 +44,8 @@ impl Map {
     pub(super) fn parse(arguments: &str) -> Option<Self> {
         let mut map = Self { factor: 1.0, ..Self::default() };
         let file = map.options(arguments.trim());
-        let mut ends = file.match_indices(" -").map(|(at, _)| at);
-        let is_end = |&at: &usize| Self::default().options(&file[at..]).is_empty();
+        let mut ends = file.match_indices(" -").map(|(start, _)| start);
+        let is_end = |&start: &usize| Self::default().options(&file[start..]).is_empty();
         let end = ends.find(is_end).unwrap_or(file.len());
         map.options(&file[end..]);
         map.file = unquoted(file[..end].trim()).to_owned();

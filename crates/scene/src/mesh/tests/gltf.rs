@@ -266,7 +266,7 @@ fn nodes_place_meshes_and_shared_accessors_are_one_geometry() {
     assert_eq!(model.notes, [first, outside]);
     file.root["scene"] = json!(1);
     let model = file.read().unwrap();
-    assert_eq!(model.placed.iter().map(|own| &*own.name).collect::<Vec<_>>(), ["elsewhere"]);
+    assert_eq!(model.placed.iter().map(|placed| &*placed.name).collect::<Vec<_>>(), ["elsewhere"]);
     assert_eq!(model.notes, [format!("{outside} (2 times)")]);
     file.root.as_object_mut().unwrap().retain(|name, _| name != "scenes" && name != "scene");
     assert_eq!(file.read().unwrap().placed.len(), 3);

@@ -197,11 +197,11 @@ fn what_nobody_knows_is_noted_wherever_it_stands() {
                 continue;
             }
             let mut file = rich();
-            let own = object(&mut file, &path);
+            let part = object(&mut file, &path);
             let name = if key == "extensions" { "EXT_made_up" } else { key };
-            match own.get_mut(key) {
+            match part.get_mut(key) {
                 Some(Value::Object(there)) => drop(there.insert(name.to_owned(), json!({}))),
-                _ => drop(own.insert(key.to_owned(), value)),
+                _ => drop(part.insert(key.to_owned(), value)),
             }
             let now = notes(&file);
             let is_new = |note: &&String| !before.contains(note) && note.contains(name);

@@ -284,10 +284,10 @@ fn each_property_is_read_or_a_note_names_it() {
         let floats: Vec<String> = names.iter().map(|name| format!("float {name}")).collect();
         for (k, name) in names.iter().enumerate() {
             let parsed = |value: &str| {
-                let own: Vec<(&str, &str)> = (0..names.len())
+                let extra: Vec<(&str, &str)> = (0..names.len())
                     .map(|j| (&*floats[j], if j == k { value } else { "0.5" }))
                     .collect();
-                [with(&own, &[]).unwrap(), with(&[], &own).unwrap()]
+                [with(&extra, &[]).unwrap(), with(&[], &extra).unwrap()]
             };
             for (a, b) in parsed("0.25").into_iter().zip(parsed("0.75")) {
                 let is_named = a.notes.iter().any(|note| note.contains(&format!("{name:?}")));
@@ -305,9 +305,9 @@ fn each_property_is_read_or_a_note_names_it() {
     assert_eq!(lists.notes, expected);
     assert_eq!(lists.geometries, bare.geometries);
     // The list of another type than the number, and the other way round.
-    for own in [("list uchar float nx", "1 5"), ("list uchar float vertex_index", "3 2 1 0")] {
-        assert!(with(&[own], &[]).unwrap().notes[0].contains("left out"), "{own:?}");
-        assert!(with(&[], &[own]).unwrap().notes[0].contains("left out"), "{own:?}");
+    for extra in [("list uchar float nx", "1 5"), ("list uchar float vertex_index", "3 2 1 0")] {
+        assert!(with(&[extra], &[]).unwrap().notes[0].contains("left out"), "{extra:?}");
+        assert!(with(&[], &[extra]).unwrap().notes[0].contains("left out"), "{extra:?}");
     }
     // Opacities say something where they are not full.
     for (kind, full, other) in
@@ -356,10 +356,10 @@ fn any_name_that_is_not_read_is_in_a_note_and_changes_nothing() {
         name.push_str("_of_somebody");
         let (kind, value) = types[below(types.len())];
         let property = format!("{kind} {name}");
-        let own = [(&*property, value)];
+        let extra = [(&*property, value)];
         let model = match below(2) {
-            0 => with(&own, &[]),
-            _ => with(&[], &own),
+            0 => with(&extra, &[]),
+            _ => with(&[], &extra),
         };
         let model = model.unwrap();
         assert!(model.notes.len() == 1 && model.notes[0].contains(&format!("{name:?}")), "{name}");

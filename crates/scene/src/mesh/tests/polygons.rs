@@ -58,7 +58,8 @@ fn areas(geometry: &Geometry) -> (DVec3, f64) {
         let [a, b, c] = face.map(|k| Vec3::from(geometry.positions[k as usize]).as_dvec3());
         (b - a).cross(c - a)
     });
-    vectors.fold((DVec3::ZERO, 0.0), |(sum, length), own| (sum + own, length + own.length()))
+    vectors
+        .fold((DVec3::ZERO, 0.0), |(sum, length), vector| (sum + vector, length + vector.length()))
 }
 
 /// Checks that a polygon of `count` corners is covered once, with all of its corners, and turns as it did.

@@ -223,32 +223,39 @@ fn materials_come_back_from_ply_and_obj() {
     assert_eq!(back.geometries.len(), model.placed.len());
     for (found, placed) in back.geometries.iter().zip(&model.placed) {
         let mesh = &model.geometries[placed.geometry];
-        let materials = |own: &Geometry, parsed: &Model| -> Vec<_> {
-            let own = own.submeshes.iter();
+        let materials = |original: &Geometry, parsed: &Model| -> Vec<_> {
+            let original = original.submeshes.iter();
             let name = |k: usize| parsed.materials[k].base_color;
-            own.map(|k| (k.material.map(name), k.faces.clone())).collect()
+            original.map(|k| (k.material.map(name), k.faces.clone())).collect()
         };
         assert_eq!(materials(found, &back), materials(mesh, &model));
         assert_eq!(found.faces, mesh.faces);
-        for (found, own) in found.positions.iter().zip(&mesh.positions) {
-            let own = glam::Vec3::from(*own).as_dvec3();
-            let expected = placed.transform.transform_point3(own).as_vec3().to_array();
+        for (found, original) in found.positions.iter().zip(&mesh.positions) {
+            let original = glam::Vec3::from(*original).as_dvec3();
+            let expected = placed.transform.transform_point3(original).as_vec3().to_array();
             assert_eq!(*found, expected);
         }
-        let rows = |own: &Option<Indexed<2>>| own.as_ref().map(|own| own.faces.clone());
+        let rows = |original: &Option<Indexed<2>>| {
+            original.as_ref().map(|original| original.faces.clone())
+        };
         assert_eq!(rows(&found.coordinates), rows(&mesh.coordinates));
-        let rows = |own: &Option<Indexed<3>>| own.as_ref().map(|own| own.faces.clone());
+        let rows = |original: &Option<Indexed<3>>| {
+            original.as_ref().map(|original| original.faces.clone())
+        };
         assert_eq!(rows(&found.normals), rows(&mesh.normals));
     }
     let names: Vec<&str> = back.materials.iter().map(|material| &*material.name).collect();
     let painted = &back.materials[names.iter().position(|name| *name == "painted").unwrap()];
-    let own = &model.materials[1];
-    assert_eq!(painted.base_color, own.base_color);
-    assert_eq!([painted.roughness, painted.metallic], [own.roughness, own.metallic]);
-    assert_eq!(painted.normal_scale, own.normal_scale);
-    let image = |own: Option<usize>, parsed: &Model| parsed.images[own.unwrap()].clone();
-    assert_eq!(image(painted.base_color_map.image, &back), image(own.base_color_map.image, &model));
-    assert_eq!(image(painted.normal_map.image, &back), image(own.normal_map.image, &model));
+    let original = &model.materials[1];
+    assert_eq!(painted.base_color, original.base_color);
+    assert_eq!([painted.roughness, painted.metallic], [original.roughness, original.metallic]);
+    assert_eq!(painted.normal_scale, original.normal_scale);
+    let image = |original: Option<usize>, parsed: &Model| parsed.images[original.unwrap()].clone();
+    assert_eq!(
+        image(painted.base_color_map.image, &back),
+        image(original.base_color_map.image, &model)
+    );
+    assert_eq!(image(painted.normal_map.image, &back), image(original.normal_map.image, &model));
     assert!(obj(&model, "a\nb").is_err());
 }
 
