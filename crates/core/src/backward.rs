@@ -14,6 +14,7 @@ use smallvec::SmallVec;
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators, Wanted};
 use crate::op::{Inputs, Kept};
+use crate::report::Count;
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Results, Tape};
 use crate::tensor::Tensor;
@@ -234,8 +235,8 @@ impl<T: Scalar> Inner<T> {
         let Self { values, links, nodes, places, pool, tally, gradients, wanted, .. } = self;
         for node in nodes.iter().rev() {
             let Range { start, end } = node.outputs();
+            // A comparison: there is nothing that a gradient could come from.
             if start == end {
-                // A comparison: there is nothing that a gradient could come from.
                 continue;
             }
             let inputs = &links[node.links()];
@@ -251,16 +252,7 @@ impl<T: Scalar> Inner<T> {
                 count.unwanted += 1;
                 continue;
             }
-            for (i, &input) in inputs.iter().enumerate() {
-                if wanted[input as usize] == Wanted::Nothing {
-                    count.leave_out_input(i);
-                }
-            }
-            for (j, gradient) in upstream.iter().enumerate() {
-                if gradient.sum().is_none() {
-                    count.leave_out_output(j);
-                }
-            }
+            count_what_is_left_out(count, (inputs, wanted), upstream);
             let clock = self.timed.then(Instant::now);
             // Nobody reads it after this operation, which can have the memory then.
             let taken = match upstream {
@@ -276,14 +268,9 @@ impl<T: Scalar> Inner<T> {
                 outputs: &values[start..end],
                 upstream,
             };
-            let mut sums = Accumulators {
-                values,
-                indices: inputs,
-                wanted,
-                gradients: below,
-                upstream: taken,
-                pool,
-            };
+            let (indices, gradients) = (inputs, below);
+            let mut sums =
+                Accumulators { values, indices, wanted, gradients, upstream: taken, pool };
             places[node.place as usize].recorded.backward(&kept, &mut sums);
             if let Some(left) = sums.upstream {
                 pool.give(left);
@@ -312,6 +299,25 @@ impl<T: Scalar> Inner<T> {
             });
         }
         gradients.drain(..).for_each(|mut gradient| gradient.release(pool));
+    }
+}
+
+/// Counts the gradients of inputs that nobody wants, and the outputs that have no upstream gradient.
+#[inline]
+fn count_what_is_left_out<T: Scalar>(
+    count: &mut Count,
+    (inputs, wanted): (&[u32], &[Wanted]),
+    upstream: &[Accumulator<T>],
+) {
+    for (i, &input) in inputs.iter().enumerate() {
+        if wanted[input as usize] == Wanted::Nothing {
+            count.leave_out_input(i);
+        }
+    }
+    for (j, gradient) in upstream.iter().enumerate() {
+        if gradient.sum().is_none() {
+            count.leave_out_output(j);
+        }
     }
 }
 

@@ -132,6 +132,7 @@ pub enum TensorError {
 }
 
 impl fmt::Display for TensorError {
+    // In one piece: a list of messages.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Length { shape, entries } => match shape.checked_size() {

@@ -68,6 +68,7 @@ pub fn f64_picture(tape: &Tape<f64>) -> Result<(), RenderError> {
     Ok(())
 }
 
+/// In one piece: a list of calls.
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
     let intrinsics =

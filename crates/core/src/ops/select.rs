@@ -120,34 +120,7 @@ impl<T: Scalar> Op<T> for Select {
             });
             return Ok(());
         }
-        let steps = walk.steps();
-        walk.rows_mut(z, |z, [m, i, j]| match steps {
-            [1, 1, 1] => {
-                let length = z.len();
-                let (truth, x, y) = (&truth[m..][..length], &x[i..][..length], &y[j..][..length]);
-                for (k, z) in z.iter_mut().enumerate() {
-                    *z = if truth[k] { x[k] } else { y[k] };
-                }
-            }
-            [1, 1, 0] => {
-                let (truth, x, y) = (&truth[m..][..z.len()], &x[i..][..z.len()], y[j]);
-                for (k, z) in z.iter_mut().enumerate() {
-                    *z = if truth[k] { x[k] } else { y };
-                }
-            }
-            [1, 0, 1] => {
-                let (truth, x, y) = (&truth[m..][..z.len()], x[i], &y[j..][..z.len()]);
-                for (k, z) in z.iter_mut().enumerate() {
-                    *z = if truth[k] { x } else { y[k] };
-                }
-            }
-            steps => {
-                for (k, z) in z.iter_mut().enumerate() {
-                    let [m, i, j] = [m + k * steps[0], i + k * steps[1], j + k * steps[2]];
-                    *z = if truth[m] { x[i] } else { y[j] };
-                }
-            }
-        });
+        choose_rows(&walk, z, truth, [x, y]);
         Ok(())
     }
 
@@ -178,6 +151,38 @@ impl Mask {
     ) -> Result<Var<'t, T>, TensorError> {
         yes.tape().apply(Select { mask: self.clone() }, &[yes, no])
     }
+}
+
+/// The rows of `z` in the order of `walk`, over positions in the mask, in x and in y.
+fn choose_rows<T: Scalar>(walk: &Walk<3>, z: &mut [T], truth: &[bool], [x, y]: [&[T]; 2]) {
+    let steps = walk.steps();
+    walk.rows_mut(z, |z, [m, i, j]| match steps {
+        [1, 1, 1] => {
+            let length = z.len();
+            let (truth, x, y) = (&truth[m..][..length], &x[i..][..length], &y[j..][..length]);
+            for (k, z) in z.iter_mut().enumerate() {
+                *z = if truth[k] { x[k] } else { y[k] };
+            }
+        }
+        [1, 1, 0] => {
+            let (truth, x, y) = (&truth[m..][..z.len()], &x[i..][..z.len()], y[j]);
+            for (k, z) in z.iter_mut().enumerate() {
+                *z = if truth[k] { x[k] } else { y };
+            }
+        }
+        [1, 0, 1] => {
+            let (truth, x, y) = (&truth[m..][..z.len()], x[i], &y[j..][..z.len()]);
+            for (k, z) in z.iter_mut().enumerate() {
+                *z = if truth[k] { x } else { y[k] };
+            }
+        }
+        steps => {
+            for (k, z) in z.iter_mut().enumerate() {
+                let [m, i, j] = [m + k * steps[0], i + k * steps[1], j + k * steps[2]];
+                *z = if truth[m] { x[i] } else { y[j] };
+            }
+        }
+    });
 }
 
 #[cfg(test)]

@@ -28,7 +28,9 @@
 use std::array::from_fn;
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_two_pieces_mut, merge_ranges_into};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
+use bokashi_core::{
+    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, TensorError, Var, sum,
+};
 
 /// The width of a window.
 pub(super) const WINDOW: usize = 11;
@@ -109,6 +111,29 @@ fn weights<S: Scalar>() -> [S; WINDOW] {
 
 /// How many entries are worked on at once: vectors of them.
 const AT_ONCE: usize = 4;
+
+/// Five moments of each entry of a row over the rows of its windows.
+#[inline(always)]
+fn fill_moments<T: Scalar>(
+    moments: &mut [Vec<T::Wide>; 5],
+    images: [&[T]; 2],
+    row: usize,
+    w: &[T::Wide; WINDOW],
+    offsets: [T::Wide; 2],
+) {
+    let mut k = 0;
+    while k + AT_ONCE <= row {
+        let sums = along_columns::<T, AT_ONCE>(images, row, k, w, offsets);
+        for (moments, sums) in moments.iter_mut().zip(sums) {
+            moments[k..k + AT_ONCE].copy_from_slice(&sums);
+        }
+        k += AT_ONCE;
+    }
+    for k in k..row {
+        let sums = along_columns::<T, 1>(images, row, k, w, offsets);
+        moments.iter_mut().zip(sums).for_each(|(moments, [m])| moments[k] = m);
+    }
+}
 
 /// The moments of entries `k..k + L`, from the rows of a window.
 #[inline(always)]
@@ -265,22 +290,13 @@ impl Ssim {
     }
 }
 
-impl<T: Scalar> Op<T> for Ssim {
-    type Saved = Saved<T, T::Wide>;
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        if self.luminance { "ssim_error" } else { "contrast_structure_error" }
-    }
-
-    fn forward(
+impl Ssim {
+    /// Refuses images and a peak that have no similarity.
+    fn check(
         &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        saved: &mut Self::Saved,
+        [shape, y_shape]: [&Shape; 2],
+        operation: &'static str,
     ) -> Result<(), TensorError> {
-        let operation = Op::<T>::name(self);
-        let (shape, y_shape) = (inputs.shape(0), inputs.shape(1));
         if shape != y_shape {
             let rule = "two images of one shape".into();
             let shapes = Box::new([shape.clone(), y_shape.clone()]);
@@ -295,7 +311,26 @@ impl<T: Scalar> Op<T> for Ssim {
             let (rule, value) = ("a peak above 0 whose square is a number".into(), self.peak);
             return Err(TensorError::Value { operation, rule, value });
         }
-        let layout = Layout::new(shape);
+        Ok(())
+    }
+}
+
+impl<T: Scalar> Op<T> for Ssim {
+    type Saved = Saved<T, T::Wide>;
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        if self.luminance { "ssim_error" } else { "contrast_structure_error" }
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Self::Saved,
+    ) -> Result<(), TensorError> {
+        self.check([inputs.shape(0), inputs.shape(1)], Op::<T>::name(self))?;
+        let layout = Layout::new(inputs.shape(0));
         let [window_rows, window_row] = layout.windows;
         let images = [inputs.data(0), inputs.data(1)];
         let (w, constants) = (&weights::<T::Wide>(), self.constants());
@@ -315,18 +350,7 @@ impl<T: Scalar> Op<T> for Ssim {
             }
             for (at, r) in rows.enumerate() {
                 let images = images.map(|image| &image[r * layout.row..]);
-                let mut k = 0;
-                while k + AT_ONCE <= layout.row {
-                    let found = along_columns::<T, AT_ONCE>(images, layout.row, k, w, offsets);
-                    for (moments, found) in moments.iter_mut().zip(found) {
-                        moments[k..k + AT_ONCE].copy_from_slice(&found);
-                    }
-                    k += AT_ONCE;
-                }
-                for k in k..layout.row {
-                    let found = along_columns::<T, 1>(images, layout.row, k, w, offsets);
-                    moments.iter_mut().zip(found).for_each(|(moments, [m])| moments[k] = m);
-                }
+                fill_moments(moments, images, layout.row, w, offsets);
                 // Row by row: a sum of few terms has a small error.
                 let mut of_row = T::Wide::ZERO;
                 let mut put = |k: usize, moments: [T::Wide; 5]| {

@@ -268,6 +268,52 @@ impl<T: Scalar> Found<T> {
         })
     }
 
+    /// Adds the gradient of clip positions, `[V, 4]`: x, y and w of the vertices of blended edges.
+    fn add_clip_bars(
+        &mut self,
+        out_bar: &[T],
+        channels: usize,
+        (clip, size): (&[T], Size),
+        clip_bar: &mut [T],
+    ) {
+        let mut bars = std::mem::take(&mut self.bars);
+        self.pull_back(out_bar, channels, clip, size, &mut bars);
+        for (blend, bars) in self.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped) {
+            for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
+                let row = &mut clip_bar[4 * vertex as usize..][..4];
+                add_term(&mut row[0], x_bar);
+                add_term(&mut row[1], y_bar);
+                add_term(&mut row[3], w_bar);
+            }
+        }
+        self.bars = bars;
+    }
+
+    /// Adds the gradient of the background behind the rim, whose k-th pixel has its entries from
+    /// `place(k)` on. The first `covered` entries of `out_bar` are those of fragments.
+    fn add_background_bars(
+        &self,
+        out_bar: &[T],
+        [covered, channels]: [usize; 2],
+        place: impl Fn(usize) -> usize,
+        background_bar: &mut [T],
+    ) {
+        for (k, bar) in out_bar[covered..].chunks_exact(channels).enumerate() {
+            let entries = &mut background_bar[place(k)..][..channels];
+            entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
+        }
+        for (blend, entries, target) in self.placed(channels) {
+            let alpha = T::narrow(blend.alpha);
+            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
+                let Some(rim_entry) = entry.checked_sub(covered) else { continue };
+                let at = place(rim_entry / channels);
+                for c in 0..channels {
+                    background_bar[at + c] += sign * (alpha * out_bar[target + c]);
+                }
+            }
+        }
+    }
+
     /// The gradients of the blends' edges, in their order; of a clamped blend zeros.
     fn pull_back(
         &self,
@@ -555,37 +601,17 @@ impl<T: Scalar> Op<T> for Antialias {
         let channels = kept.input_shape(1)[1];
         let covered = self.coverage.count() * channels;
         if let Some(clip_bar) = gradients.get(0) {
-            let (clip, clip_bar) = (kept.input(0), clip_bar.entries());
-            let mut bars = std::mem::take(&mut saved.bars);
-            saved.pull_back(out_bar, channels, clip, self.coverage.size(), &mut bars);
-            for (blend, bars) in saved.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped)
-            {
-                for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
-                    let row = &mut clip_bar[4 * vertex as usize..][..4];
-                    add_term(&mut row[0], x_bar);
-                    add_term(&mut row[1], y_bar);
-                    add_term(&mut row[3], w_bar);
-                }
-            }
-            saved.bars = bars;
+            let (clip, size) = (kept.input(0), self.coverage.size());
+            saved.add_clip_bars(out_bar, channels, (clip, size), clip_bar.entries());
         }
         if let (Some(rim), Some(background_bar)) = (&saved.rim, gradients.get(2)) {
-            let background_bar = background_bar.entries();
-            for (bar, &pixel) in out_bar[covered..].chunks_exact(channels).zip(rim.iter()) {
-                let at = self.kind.entry(channels, pixel as usize);
-                let entries = &mut background_bar[at..at + channels];
-                entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
-            }
-            for (blend, entries, target) in saved.placed(channels) {
-                let alpha = T::narrow(blend.alpha);
-                for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                    let Some(rim_entry) = entry.checked_sub(covered) else { continue };
-                    let at = self.kind.entry(channels, rim[rim_entry / channels] as usize);
-                    for c in 0..channels {
-                        background_bar[at + c] += sign * (alpha * out_bar[target + c]);
-                    }
-                }
-            }
+            let place = |k: usize| self.kind.entry(channels, rim[k] as usize);
+            saved.add_background_bars(
+                out_bar,
+                [covered, channels],
+                place,
+                background_bar.entries(),
+            );
         }
         if !gradients.needs(1) {
             // The memory goes back to the tape.

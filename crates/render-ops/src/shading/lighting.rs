@@ -119,6 +119,8 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
     }
 
     /// The gradients of a block's rows; what has no rows is added to the sums of the piece.
+    ///
+    /// In one piece: the loops of all kinds of light keep the block's gradients in registers.
     #[inline(always)]
     fn pull_back_block<const K: usize, const GEOMETRY: bool>(
         &self,

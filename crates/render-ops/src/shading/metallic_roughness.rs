@@ -269,6 +269,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         of.base.map(|base| base * below + above + metal * fresnel(base, t.p))
     }
 
+    /// In one piece: the formulas of the header backwards, each of which needs names of those above it.
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,

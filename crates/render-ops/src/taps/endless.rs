@@ -24,20 +24,7 @@ impl<T: Scalar> Taps<T> {
         let is_discrete = blur.kernel == Kernel::Discrete;
         let border = blur.border;
         let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
-        let tap = |k: usize| -> [T::Wide; 2] {
-            let t = number(k as f64) / sigma;
-            let weight = (-half * t * t).exp() / (number(f64::sqrt(2.0 * PI)) * sigma);
-            let slope = weight * (t * t - T::Wide::ONE) / sigma;
-            if !is_discrete {
-                return [weight, slope];
-            }
-            let (square, spread) = (t * t, number(24.0) * sigma * sigma);
-            let more = (square * square - number(6.0) * square + number(3.0)) / spread;
-            let more_slope =
-                (number(12.0) * square - number(4.0) * square * square) / spread - more - more;
-            let one = T::Wide::ONE;
-            [weight * (one + more), slope * (one + more) + weight * more_slope / sigma]
-        };
+        let tap = |k: usize| endless_tap(sigma, k, is_discrete);
         // Half of what the taps below n leave of the sum of all taps, which does not change.
         let rest = || -> [T::Wide; 2] {
             let mut rest = [half, T::Wide::ZERO];
@@ -83,4 +70,20 @@ impl<T: Scalar> Taps<T> {
         // outside.
         self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
     }
+}
+
+/// The weight of tap k of an endless window, and its slope by sigma.
+fn endless_tap<S: Scalar>(sigma: S, k: usize, is_discrete: bool) -> [S; 2] {
+    let number = S::from_f64;
+    let t = number(k as f64) / sigma;
+    let weight = (-number(0.5) * t * t).exp() / (number(f64::sqrt(2.0 * PI)) * sigma);
+    let slope = weight * (t * t - S::ONE) / sigma;
+    if !is_discrete {
+        return [weight, slope];
+    }
+    let (square, spread) = (t * t, number(24.0) * sigma * sigma);
+    let more = (square * square - number(6.0) * square + number(3.0)) / spread;
+    let more_slope = (number(12.0) * square - number(4.0) * square * square) / spread - more - more;
+    let one = S::ONE;
+    [weight * (one + more), slope * (one + more) + weight * more_slope / sigma]
 }

@@ -148,16 +148,10 @@ impl<T: Scalar> Taps<T> {
             let t = T::Wide::from_f64(k as f64) / sigma;
             (-(t * t) * T::Wide::from_f64(0.5)).exp()
         };
-        let radius = match blur.radius {
-            Radius::Fixed(radius) => radius,
-            Radius::Tolerance(tolerance) => match smallest_radius(sigma.to_f64(), tolerance) {
-                Some(radius) => radius,
-                None => return Ok(false),
-            },
-        };
         let is_negligible = |k: usize| shape(k).to_f64() < NEGLIGIBLE;
-        let radius = (1..=radius).find(|&k| is_negligible(k)).map_or(radius, |k| k - 1);
-
+        let Some(radius) = cut_radius(blur.radius, sigma.to_f64(), is_negligible) else {
+            return Ok(false);
+        };
         let count = |k: usize| T::Wide::from_f64(if k == 0 { 1.0 } else { 2.0 });
         let square = |k: usize| T::Wide::from_f64((k * k) as f64);
         let total: T::Wide = match blur.kernel {
@@ -254,6 +248,16 @@ pub(crate) fn check_radius(radius: Radius) -> Result<(), RenderError> {
         }
         _ => Ok(()),
     }
+}
+
+/// The radius that a blur asks for, or less where taps from there on are negligible. `None` where the window is
+/// endless.
+fn cut_radius(asked: Radius, sigma: f64, is_negligible: impl Fn(usize) -> bool) -> Option<usize> {
+    let radius = match asked {
+        Radius::Fixed(radius) => radius,
+        Radius::Tolerance(tolerance) => smallest_radius(sigma, tolerance)?,
+    };
+    Some((1..=radius).find(|&k| is_negligible(k)).map_or(radius, |k| k - 1))
 }
 
 /// The smallest radius whose window misses at most the share `tolerance` of an endless window's

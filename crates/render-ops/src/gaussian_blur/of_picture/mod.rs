@@ -318,6 +318,7 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
         ERROR_NAME
     }
 
+    // In one piece: four windows of rows move together.
     fn forward(
         &self,
         inputs: &Inputs<'_, T>,

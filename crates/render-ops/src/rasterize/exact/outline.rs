@@ -332,29 +332,43 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 });
             }
         }
-        gates.sort_unstable_by(|a, b| a.0.to_f64().total_cmp(&b.0.to_f64()));
-        // Where the rim leaves the pixel, what follows of the border is covered.
-        let is_open = match gates.last() {
-            Some(&(_, comes_in)) => !comes_in,
-            None => faces.iter().any(|face| face.covers([-S::ONE; 2])),
-        };
-        let mut from = is_open.then_some(S::ZERO);
-        let end = (S::from_f64(8.0), true);
-        for &(place, comes_in) in gates.iter().chain(is_open.then_some(&end)) {
-            match (from, comes_in) {
-                (Some(start), true) => {
-                    add_border([start, place], &mut area, &mut gap);
-                    from = None;
-                }
-                (None, false) => from = Some(place),
-                _ => return None,
-            }
-        }
+        let covers_corner = || faces.iter().any(|face| face.covers([-S::ONE; 2]));
+        let closes = add_borders(gates, covers_corner, &mut area, &mut gap)?;
         let most = S::from_f64(GAP);
-        let is_whole = from.is_none() && gap[0].abs() < most && gap[1].abs() < most;
+        let is_whole = closes && gap[0].abs() < most && gap[1].abs() < most;
         let rim = rim.map(|(_, face, place)| (face, place));
         is_whole.then_some(Covered { area, rim })
     }
+}
+
+/// Adds the covered parts of the pixel's border, which begin where the rim leaves the pixel and end where it
+/// comes in. Without gates all of it is covered, or nothing. Returns whether the last part ends; `None` where
+/// the rim leaves twice, or comes in twice, in a row.
+fn add_borders<S: Scalar>(
+    gates: &mut [(S, bool)],
+    covers_corner: impl Fn() -> bool,
+    area: &mut S,
+    gap: &mut [S; 2],
+) -> Option<bool> {
+    gates.sort_unstable_by(|a, b| a.0.to_f64().total_cmp(&b.0.to_f64()));
+    // Where the rim leaves the pixel, what follows of the border is covered.
+    let is_open = match gates.last() {
+        Some(&(_, comes_in)) => !comes_in,
+        None => covers_corner(),
+    };
+    let mut from = is_open.then_some(S::ZERO);
+    let end = (S::from_f64(8.0), true);
+    for &(place, comes_in) in gates.iter().chain(is_open.then_some(&end)) {
+        match (from, comes_in) {
+            (Some(start), true) => {
+                add_border([start, place], area, gap);
+                from = None;
+            }
+            (None, false) => from = Some(place),
+            _ => return None,
+        }
+    }
+    Some(from.is_none())
 }
 
 /// Adds what goes along the pixel's border between two places to the integral of x dy and to the way.

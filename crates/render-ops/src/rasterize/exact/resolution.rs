@@ -63,31 +63,8 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             pieces.crowded += 1;
             pieces.sampled += 0.25 * sampled.to_f64();
         }
+        self.find_seen(band, pieces);
         let Self { candidates, visible, seen, piece_of, .. } = self;
-        let factors_of = |candidate: &Candidate<S>| {
-            let face = band.faces[candidate.band_face as usize] as usize;
-            band.view.corners_of(face).map(|corner| corner.factor)
-        };
-        // A pixel has 4 units of area.
-        let smallest = S::from_f64(4.0 * SMALLEST);
-        seen.clear();
-        for parts in visible.parts.by_candidate() {
-            let candidate = parts[0].candidate;
-            let area = parts.iter().map(|part| part.area).sum();
-            if area > smallest {
-                let face = &candidates[candidate as usize];
-                let t = total(&face.edges, factors_of(face));
-                let extent = visible.parts.extent(parts, area, t, needs);
-                seen.extend(extent.map(|extent| Seen { candidate, area, extent }));
-            } else if area > S::ZERO {
-                pieces.dropped += 1;
-            }
-        }
-        // The largest first; where pieces are as large, the lower face.
-        let face = |seen: &Seen<S>| candidates[seen.candidate as usize].band_face;
-        seen.sort_unstable_by(|a, b| {
-            b.area.to_f64().total_cmp(&a.area.to_f64()).then_with(|| face(a).cmp(&face(b)))
-        });
         pieces.pixels.push(pixel);
         let first = pieces.pieces.len();
         // Sides know candidates; gradients need the pieces, which are sorted.
@@ -95,10 +72,9 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         piece_of.resize(candidates.len(), NONE);
         for (at, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
             piece_of[candidate as usize] = at;
-            let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
-            let factors = factors_of(&candidates[candidate as usize]);
-            let barycentrics = barycentrics(edges, factors, &extent);
-            let band_face = *band_face;
+            let face = &candidates[candidate as usize];
+            let barycentrics = barycentrics(&face.edges, factors(band, face), &extent);
+            let band_face = face.band_face;
             pieces.pieces.push(Piece { band_face, area, extent, moves: true, barycentrics });
         }
         let touches_border = visible.parts.touches_border;
@@ -121,6 +97,36 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         if needs {
             pieces.segment_ends.push(pieces.segments.len() as u32);
         }
+    }
+
+    /// Finds the extents of what is visible of each candidate, the largest first.
+    #[inline(always)]
+    fn find_seen<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        pieces: &mut Pieces<S>,
+    ) {
+        let Self { candidates, visible, seen, .. } = self;
+        // A pixel has 4 units of area.
+        let smallest = S::from_f64(4.0 * SMALLEST);
+        seen.clear();
+        for parts in visible.parts.by_candidate() {
+            let candidate = parts[0].candidate;
+            let area = parts.iter().map(|part| part.area).sum();
+            if area > smallest {
+                let face = &candidates[candidate as usize];
+                let t = total(&face.edges, factors(band, face));
+                let extent = visible.parts.extent(parts, area, t, band.view.needs);
+                seen.extend(extent.map(|extent| Seen { candidate, area, extent }));
+            } else if area > S::ZERO {
+                pieces.dropped += 1;
+            }
+        }
+        // The largest first; where pieces are as large, the lower face.
+        let face = |seen: &Seen<S>| candidates[seen.candidate as usize].band_face;
+        seen.sort_unstable_by(|a, b| {
+            b.area.to_f64().total_cmp(&a.area.to_f64()).then_with(|| face(a).cmp(&face(b)))
+        });
     }
 
     /// Finds what is visible of the faces of `intervals` in the pixel, which reaches as far as `cell`.
@@ -238,4 +244,11 @@ fn find_in_cells<S: Scalar>(
     let sampled = crowd.sampled;
     visible.join_cells();
     sampled
+}
+
+/// The factors of a candidate's vertices.
+#[inline(always)]
+fn factors<T: Scalar>(band: &BandFaces<'_, '_, T>, candidate: &Candidate<T::Wide>) -> [T::Wide; 3] {
+    let face = band.faces[candidate.band_face as usize] as usize;
+    band.view.corners_of(face).map(|corner| corner.factor)
 }

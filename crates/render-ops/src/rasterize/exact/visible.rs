@@ -236,6 +236,8 @@ impl<S: Scalar> Visible<S> {
 
     /// Takes from the candidate `at` of this cell what lies behind others; those before `group` surely
     /// lie before it; returns whether it did so within the limits.
+    ///
+    /// In one piece: each rival cuts what the last one left, and every way out of the loop ends the candidate.
     #[inline(always)]
     fn find_parts(
         &mut self,
