@@ -1,11 +1,8 @@
 //! What examines Bokashi: extreme cases, stiff problems with known minima, mesh files of other people, and
 //! how fast it is, at what error. Nobody who uses Bokashi needs it; the program `bokashi-lab` runs it.
 
-mod areas;
 pub mod bench;
 pub mod models;
 pub mod program;
 pub mod stability;
 pub mod stiff;
-
-pub use areas::visible_areas;

@@ -3,8 +3,8 @@
 //! pixel, far larger than the image.
 
 use bokashi_catalogue::scenes::{Scene, scenes};
+use bokashi_catalogue::visible_areas;
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_lab::visible_areas;
 use bokashi_render_ops::{
     Background, Mesh, RasterOptions, Sampling, Size, composite, interpolate, rasterize,
 };

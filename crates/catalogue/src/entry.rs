@@ -2,18 +2,21 @@
 
 use bokashi_check::Check;
 
+use crate::extreme::Extreme;
+
 /// An operation, or a few with one subject: everything that a harness needs to examine it.
 #[derive(Debug, Clone)]
 pub struct Entry {
     name: &'static str,
     cases: u32,
     checks: Vec<Check>,
+    extremes: Vec<Extreme>,
 }
 
 impl Entry {
     /// An entry that has no check so far, and 24 cases for each.
     pub(crate) fn new(name: &'static str) -> Self {
-        Self { name, cases: 24, checks: Vec::new() }
+        Self { name, cases: 24, checks: Vec::new(), extremes: Vec::new() }
     }
 
     /// How many cases are drawn for each check that follows.
@@ -26,6 +29,12 @@ impl Entry {
         self.checks.push(check.cases(self.cases));
     }
 
+    /// With further extreme cases.
+    pub(crate) fn with_extremes(mut self, extremes: &[Extreme]) -> Self {
+        self.extremes.extend(extremes);
+        self
+    }
+
     /// The name of the operation, or of the family.
     pub fn name(&self) -> &'static str {
         self.name
@@ -34,5 +43,10 @@ impl Entry {
     /// Subjects, strategies for their inputs, and wrong inputs.
     pub fn checks(&self) -> &[Check] {
         &self.checks
+    }
+
+    /// Extreme inputs whose results are known.
+    pub fn extremes(&self) -> &[Extreme] {
+        &self.extremes
     }
 }

@@ -11,12 +11,17 @@
 //! }
 //! ```
 
+mod areas;
+mod clip_scene;
 mod entry;
+mod extreme;
 mod footprints;
 mod fragments;
 mod inputs;
 mod losses;
 mod materials;
+mod measures;
+mod oracle;
 mod references;
 mod rendering;
 mod surfaces;
@@ -25,7 +30,9 @@ mod tensors;
 pub mod blends;
 pub mod scenes;
 
+pub use areas::visible_areas;
 pub use entry::Entry;
+pub use extreme::{Extreme, Failure, Outcome, Verdict};
 
 /// Calls the macro `walk` with the names of all entries, by the crate that has the operations: a walk can
 /// make an item of each.

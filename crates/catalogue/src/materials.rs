@@ -1,11 +1,15 @@
 //! Models of reflection, and the directions that light them.
 
-use bokashi_core::{Scalar, Tensor, Var};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::Material;
 use glam::DVec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+
+use crate::measures::{number, vector};
 
 /// A model of reflection.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,4 +121,40 @@ pub(crate) fn flat(tensor: Tensor<f64>) -> Tensor<f64> {
 
 pub(crate) fn strengths() -> impl Strategy<Value = Tensor<f64>> {
     vec(0.1..2.0_f64, 3).prop_map(|entries| Tensor::new([3], entries).unwrap())
+}
+
+/// Angles from the normal: along it, grazing, just behind, and from behind.
+pub(crate) const ANGLES: [f64; 9] =
+    [0.0, 1e-7, 1e-4, 0.7, 1.57, FRAC_PI_2 - 3e-8, FRAC_PI_2 + 4e-6, 2.0, PI - 5e-8];
+
+pub(crate) fn towards(angle: f64, turn: f64) -> [f64; 3] {
+    [angle.sin() * turn.cos(), angle.sin() * turn.sin(), angle.cos()]
+}
+
+/// The numbers of a material: roughness, metallic, and the exponent of highlights.
+pub(crate) type Numbers = [f64; 3];
+
+/// All materials, with gradients to all of their numbers.
+pub(crate) fn all_materials<T: Scalar>(
+    tape: &Tape<T>,
+    [roughness, metallic, exponent]: Numbers,
+) -> ([Material<'_, T>; 5], [Var<'_, T>; 4]) {
+    let color = vector(tape, [0.9, 0.5, 0.1]);
+    let [roughness, metallic, exponent] =
+        [roughness, metallic, exponent].map(|entry| number(tape, entry));
+    let metal = |conserves_energy| Material::MetallicRoughness {
+        base_color: color,
+        roughness,
+        metallic,
+        conserves_energy,
+    };
+    let specular = color;
+    let all = [
+        metal(false),
+        metal(true),
+        Material::Lambert { color },
+        Material::Phong { color, specular, exponent },
+        Material::BlinnPhong { color, specular, exponent },
+    ];
+    (all, [color, roughness, metallic, exponent])
 }

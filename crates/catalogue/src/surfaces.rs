@@ -92,3 +92,16 @@ pub(crate) fn directions(count: usize) -> BoxedStrategy<Tensor<f64>> {
     let rows = vec(vector, count);
     rows.prop_map(move |rows| Tensor::from_flat_fn([count, 3], |k| rows[k / 3][k % 3])).boxed()
 }
+
+/// A bent sheet of 6 x 6 quads, with coordinates that `T` holds.
+pub(crate) fn sheet<T: Scalar>() -> (Vec<f64>, Vec<[u32; 3]>) {
+    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    for k in 0..49_u32 {
+        let [x, y] = [k % 7, k / 7].map(|at| f64::from(at) / 6.0);
+        positions.extend([x, y, (3.0 * x).sin() * y].map(|at| T::from_f64(at).to_f64()));
+        if k % 7 < 6 && k / 7 < 6 {
+            faces.extend([[k, k + 1, k + 8], [k, k + 8, k + 7]]);
+        }
+    }
+    (positions, faces)
+}

@@ -139,7 +139,14 @@ impl Check {
     /// For each wrong input the message that its error has to have, and the error; `None` where there is
     /// none.
     pub fn refusals(&self) -> impl Iterator<Item = (&str, Option<Refusal>)> {
-        self.refused.iter().map(|refused| (&*refused.message, refused.case.error()))
+        self.refused.iter().map(|refused| (&*refused.message, refused.case.error::<f64>()))
+    }
+
+    /// [`Check::refusals`] in `f32`, of inputs whose numbers it holds, though rounded. Their messages may
+    /// end in other digits.
+    pub fn refusals_in_single(&self) -> impl Iterator<Item = (&str, Option<Refusal>)> {
+        let refused = self.refused.iter().filter(|refused| refused.case.is_held_by_single());
+        refused.map(|refused| (&*refused.message, refused.case.error::<f32>()))
     }
 
     /// [`Check::run`], with a line about what was compared on standard output.

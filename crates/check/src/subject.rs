@@ -135,11 +135,21 @@ impl Case {
         Self { subject: Arc::new(subject), inputs: inputs.into() }
     }
 
-    /// The error with which the subject refuses the inputs, in `f64`; `None` where it takes them.
-    pub(crate) fn error(&self) -> Option<Refusal> {
-        let tape = Tape::new();
-        let inputs: Vec<_> = self.inputs.iter().map(|input| tape.leaf(&input.tensor)).collect();
-        self.subject.apply_f64(&tape, &inputs).err()
+    /// The error with which the subject refuses the inputs; `None` where it takes them.
+    pub(crate) fn error<T: Number>(&self) -> Option<Refusal> {
+        let tape = Tape::<T>::new();
+        let leaf = |input: &Input| tape.leaf(&input.tensor.cast());
+        let inputs: Vec<_> = self.inputs.iter().map(leaf).collect();
+        T::apply(&*self.subject, &tape, &inputs).err()
+    }
+
+    /// Whether `f32` has all numbers of the inputs, though rounded: no number becomes 0 or infinite.
+    pub(crate) fn is_held_by_single(&self) -> bool {
+        let entries = self.inputs.iter().flat_map(|input| input.tensor.data());
+        let is_held = |x: f64, single: f32| {
+            (x == 0.0) == (single == 0.0) && x.is_infinite() == single.is_infinite()
+        };
+        entries.copied().all(|x| is_held(x, x as f32))
     }
 }
 

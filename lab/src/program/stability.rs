@@ -27,10 +27,10 @@ pub(crate) fn run(arguments: &StabilityArguments, writing: &Writing) -> Result<(
     let mut failed = rows.iter().filter(|row| !row.pass);
     match failed.next() {
         None => Ok(()),
-        Some(Row { case, name, precision, outcome, .. }) => {
+        Some(Row { name, precision, outcome, .. }) => {
             let (count, all) = (1 + failed.count(), rows.len());
             Err(Failure::Work(format!(
-                "{count} of {all} rows failed, the first: {case} {name}, {precision}: {outcome}"
+                "{count} of {all} rows failed, the first: {name}, {precision}: {outcome}"
             )))
         }
     }

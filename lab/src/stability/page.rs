@@ -11,8 +11,13 @@ use super::table::summary;
 pub fn page(rows: &[Row], program: &str) -> String {
     let failed: Vec<&Row> = rows.iter().filter(|row| !row.pass).collect();
     let failures = if failed.is_empty() { String::new() } else { table(&failed) };
-    let (listed, found): (Vec<&Row>, Vec<&Row>) = rows.iter().partition(|row| row.case <= 50);
-    let of = |rows: &[&Row]| if rows.is_empty() { String::new() } else { table(rows) };
+    let section = |is_in: fn(&Row) -> bool| {
+        let rows: Vec<&Row> = rows.iter().filter(|row| is_in(row)).collect();
+        if rows.is_empty() { String::new() } else { table(&rows) }
+    };
+    let listed = section(|row| row.case.is_some_and(|number| number <= 50));
+    let further = section(|row| row.case.is_some_and(|number| number > 50));
+    let refused = section(|row| row.case.is_none());
     Document {
         title: "Bokashi: extreme cases".to_owned(),
         heading: "Extreme cases".to_owned(),
@@ -24,8 +29,9 @@ pub fn page(rows: &[Row], program: &str) -> String {
         ),
         sections: vec![
             Section { id: "failed", title: "What failed", body: failures },
-            Section { id: "cases", title: "The cases that were set out", body: of(&listed) },
-            Section { id: "found", title: "Cases found on the way", body: of(&found) },
+            Section { id: "cases", title: "The cases that were set out", body: listed },
+            Section { id: "further", title: "Cases met on the way", body: further },
+            Section { id: "refused", title: "What is refused", body: refused },
         ],
         footer: format!("Made by {}.", escaped(program)),
     }
@@ -38,21 +44,21 @@ fn table(rows: &[&Row]) -> String {
         "<div class=\"scroll\"><table class=\"wide cases\"><thead><tr><th>Case<th>Expected\
          <th>What came out<th>f32<th>f64<tbody>",
     );
-    for group in rows.chunk_by(|a, b| a.case == b.case) {
+    for group in rows.chunk_by(|a, b| a.name == b.name) {
         let first = group[0];
         let same = group.iter().all(|row| row.outcome == first.outcome);
-        let outcomes = group.iter().map(|row| match same {
-            true => escaped(&row.outcome),
-            false => format!("{}: {}", row.precision, escaped(&row.outcome)),
+        let outcomes = group.iter().map(|row| match (same, escaped(&row.outcome)) {
+            (true, outcome) => outcome.replace('\n', "<br>"),
+            (false, outcome) => format!("{}: {}", row.precision, outcome.replace('\n', "<br>")),
         });
         let mut outcomes: Vec<_> = outcomes.collect();
         outcomes.dedup();
         // Writing to a string cannot fail.
         let _ = write!(
             html,
-            "<tr><th>{}&ensp;{}<td>{}<td>{}",
-            first.case,
-            escaped(first.name),
+            "<tr><th>{}{}<td>{}<td>{}",
+            first.case.map_or_else(String::new, |number| format!("{number}&ensp;")),
+            escaped(&first.name),
             escaped(first.expected),
             outcomes.join("<br>")
         );
@@ -90,8 +96,8 @@ mod tests {
     #[test]
     fn a_failed_row_stands_first_and_text_is_escaped() {
         let row = |case, pass| Row {
-            case,
-            name: "all w <= 0",
+            case: Some(case),
+            name: "all w <= 0".to_owned(),
             precision: "f32",
             expected: "nothing",
             outcome: "panicked: a < b".to_owned(),
