@@ -276,7 +276,6 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::raster_options::{RasterOptions, Sampling};
     use crate::rasterize::{depth_layers, rasterize};
     use crate::size::Size;
 
@@ -365,46 +364,5 @@ mod tests {
             assert_eq!(opaque.data()[2 * pixel..][..2], expected);
         }
         assert!(picture([0, 1, 2], |_| 0.0).data().iter().all(|&entry| entry == 0.5));
-    }
-
-    #[test]
-    fn wrong_layers_are_refused() {
-        let tape = Tape::new();
-        let (clip, mesh) = walls(&tape, [0, 1, 2]);
-        let layers = depth_layers(clip, &mesh, SIZE, None).unwrap();
-        let with = |fragments: &Fragments<'_, f64>| {
-            let count = fragments.coverage.count();
-            (count, tape.constant_full([count, 1], 0.5), tape.constant_full([count], 0.5))
-        };
-        let say = |fragments: &[&Fragments<'_, f64>], short: usize| {
-            let all: Vec<_> = fragments
-                .iter()
-                .map(|&fragments| {
-                    let (count, premultiplied, _) = with(fragments);
-                    let alpha = tape.constant_full([count - short], 0.5);
-                    Layer { fragments, premultiplied, alpha }
-                })
-                .collect();
-            composite_layers(&all, Background::Zero).unwrap_err().to_string()
-        };
-        assert_eq!(say(&[], 0), "composite_layers needs at least one layer, got none");
-        let count = layers[0].coverage.count();
-        assert_eq!(
-            say(&[&layers[0]], 1),
-            format!("composite_layers needs alphas of shape [{count}], got shape [{}]", count - 1)
-        );
-        assert!(say(&[&layers[1], &layers[0]], 0).starts_with("layers need to follow each other"));
-        let small = rasterize(clip, &mesh, Size::square(4)).unwrap();
-        assert_eq!(
-            say(&[&layers[0], &small], 0),
-            "a layer needs the size of the layer in front, 9 x 7, got 4 x 4"
-        );
-        let exact = RasterOptions::new(SIZE).sampling(Sampling::Exact);
-        let pieces = rasterize(clip, &mesh, exact.creases(&[])).unwrap();
-        let rule = "needs fragments at pixel centres, got exact coverage, \
-                    whose pieces say nothing of what lies behind them";
-        assert_eq!(say(&[&pieces], 0), format!("composite_layers {rule}"));
-        let error = depth_layers(clip, &mesh, exact, None).unwrap_err();
-        assert_eq!(error.to_string(), format!("depth_layers {rule}"));
     }
 }

@@ -215,18 +215,6 @@ fn transposing_the_scene_transposes_the_image() {
     }
 }
 
-#[test]
-fn the_image_gradient_is_the_adjoint_of_the_linear_map() {
-    // For given positions the image is mapped linearly.
-    let scene = star();
-    let image: Vec<_> = (0..54).map(motley).collect();
-    let out_bar: Vec<_> = (0..54).map(|k| motley(3 * k + 1) - 0.5).collect();
-    let [image_bar, _] = scene.gradients(&image, &out_bar);
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let out = scene.picture::<f64>(|k, _| image[k]);
-    approx::assert_relative_eq!(dot(&out, &out_bar), dot(&image, &image_bar), max_relative = 1e-13);
-}
-
 /// A speck around a pixel's centre, blended on three sides: the shares would add up to more than 1.
 #[test]
 fn a_speck_does_not_leave_the_range_of_its_neighbours() {
@@ -413,28 +401,6 @@ fn a_face_partly_behind_the_eye_blends_as_its_visible_part() {
 }
 
 #[test]
-fn an_edge_half_way_between_centres_moves_nothing_but_has_a_gradient() {
-    let scene = upright(4.0, true);
-    let image = scene.picture::<f64>(is_covered);
-    assert!(image.iter().all(|&entry: &f64| (entry - entry.round()).abs() < 1e-14));
-    let [_, clip_bar] = scene.gradients(&image, &[1.0; 54]);
-    approx::assert_relative_eq!(clip_bar[0] + clip_bar[4], 27.0, max_relative = 1e-12);
-}
-
-#[test]
-fn an_edge_at_45_degrees_keeps_every_blend_within_its_two_pixels() {
-    for shift in [0.0, 0.25, 0.5, 0.75] {
-        let points = [[-10.0 + shift, -10.0, 0.0], [20.0 + shift, 20.0, 0.0], [-30.0, 20.0, 0.0]];
-        let scene = Scene::from_points(&points, &[[0, 1, 2]], Size::square(8));
-        for image in [scene.picture::<f64>(is_covered), scene.picture::<f32>(is_covered)] {
-            assert!(image.iter().all(|entry| (0.0..=1.0).contains(entry)));
-        }
-        let [_, clip_bar] = scene.gradients(&[1.0; 64], &[1.0; 64]);
-        assert!(clip_bar.iter().all(|entry| entry.is_finite()));
-    }
-}
-
-#[test]
 fn a_crossing_beyond_the_pair_by_rounding_is_clamped_and_gets_no_gradient() {
     // An edge through the centres of column 4, which belong to the face on its right; it is moved
     // after rasterization, so that it passes on the wrong side of them.
@@ -455,17 +421,6 @@ fn a_crossing_beyond_the_pair_by_rounding_is_clamped_and_gets_no_gradient() {
 }
 
 #[test]
-fn images_of_one_pixel_row_or_column_have_pairs_along_them_alone() {
-    let scene = |width, height| Scene { size: Size { width, height }, ..star() };
-    for (width, height) in [(1, 1), (13, 1), (1, 13)] {
-        let out = scene(width, height).picture::<f64>(|k, _| motley(k));
-        assert_eq!(out.len(), width * height);
-        assert!(out.iter().all(|entry| entry.is_finite()));
-    }
-    assert_eq!(scene(1, 1).picture::<f64>(|_, _| 0.3), [0.3]);
-}
-
-#[test]
 fn a_mesh_that_nobody_sees_leaves_the_image_itself() {
     let scene = upright(-40.0, true);
     assert_eq!(scene.picture::<f32>(|_, _| 0.5), [0.5; 54]);
@@ -483,27 +438,6 @@ fn exact_coverage_has_nothing_to_antialias() {
     let pixels = fragments.coverage.boundary_counts().pixels;
     let rule = "antialias needs one fragment per pixel, got exact coverage with";
     assert_eq!(error.to_string(), format!("{rule} {pixels} boundary pixels"));
-}
-
-#[test]
-fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
-    fn bars<T: Scalar>(unit: f64) -> Vec<f64> {
-        let whole = [[-60.0, -50.0, 0.0, 64.0], [61.0, -40.0, 0.0, 64.0], [3.0, 55.0, 0.0, 48.0]];
-        let tape = Tape::<T>::new();
-        let entry = |k: usize| T::from_f64(unit * whole[k / 4][k % 4]);
-        let clip = tape.leaf(&Tensor::from_flat_fn([3, 4], entry));
-        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
-        let color = |k: usize| T::from_f64(motley(k));
-        let image = tape.constant(&Tensor::from_flat_fn([SIZE.height, SIZE.width, 1], color));
-        let out = antialiased(image, &fragments);
-        let gradients = out.square().sum().backward().unwrap();
-        gradients.get_or_zeros(clip).data().iter().map(|bar| bar.to_f64()).collect()
-    }
-    for bars in [bars::<f32>(f64::from(f32::from_bits(1))), bars::<f64>(f64::from_bits(1))] {
-        assert!(bars.iter().any(|bar| bar.is_infinite()));
-        assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
-    }
 }
 
 #[test]

@@ -271,7 +271,7 @@ impl<T: Scalar> Written<'_, T> {
         let mut later = Self { targets: SmallVec::new(), sums: later_sums, width };
         for target in targets {
             let (entries, others) = target.entries.split_at_mut(pieces * PIECE * target.width);
-            first.targets.push(Target { entries: entries, ..target });
+            first.targets.push(Target { entries, ..target });
             later.targets.push(Target { entries: others, ..target });
         }
         (first, later)

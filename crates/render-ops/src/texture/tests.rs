@@ -462,39 +462,6 @@ fn what_no_gradient_can_reach_is_left_out() {
 }
 
 #[test]
-fn wrong_input_is_refused_with_rule_and_value() {
-    let tape = Tape::<f64>::new();
-    let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
-    let texture = Texture::with_mipmaps(zeros(&[4, 6, 2])).unwrap();
-    let uv = zeros(&[3, 2]);
-    let say = |uv, detail, sampler| {
-        sample_texture(&texture, uv, detail, sampler).unwrap_err().to_string()
-    };
-    let plain = Sampler::new();
-    assert_eq!(
-        say(uv, Detail::Level(zeros(&[2])), plain),
-        "sample_texture needs levels of shape [3], or a single number, got shape [2]"
-    );
-    let probes = |probes| plain.filter(TextureFilter::Anisotropic { probes });
-    assert_eq!(
-        say(uv, Detail::Finest, probes(2)),
-        "sample_texture needs differentials for more than one probe, got 2"
-    );
-    let levels = [zeros(&[4, 6, 2]), zeros(&[2, 2, 2])];
-    assert_eq!(
-        Texture::from_levels(&levels).unwrap_err().to_string(),
-        "a texture needs a level 1 of shape [2, 3, 2], got shape [2, 2, 2]"
-    );
-    assert_eq!(
-        Texture::new(zeros(&[4, 0, 2])).unwrap_err().to_string(),
-        "a texture needs texels of shape [H, W, C], at least one entry and less than 2^31 texels, \
-         got shape [4, 0, 2]"
-    );
-    assert!(CubeMap::new(zeros(&[6, 2, 3, 1])).is_err());
-    assert!(Texture::<f64>::from_levels(&[]).is_err());
-}
-
-#[test]
 fn coordinates_have_the_slopes_of_the_borders_along_their_axes() {
     let texels = motley::<f64>([5, 7, 2], 1);
     let uv = coordinates::<f64>(200);
