@@ -11,7 +11,7 @@ use crate::file::read_file;
 use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::read_model;
-use crate::model::{Geometry, Indexed, MaterialFile, Model, Submesh, far_offset};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, Submesh, covers, far_offset};
 use crate::object::{Attribute, SurfaceMaterial};
 use crate::picture::{ColorSpace, Picture};
 
@@ -176,15 +176,15 @@ struct BaseColor {
 
 impl BaseColor {
     fn new(geometry: &Geometry, submesh: &Submesh, model: &Model) -> Self {
-        let has_colors =
-            geometry.colors.as_ref().is_some_and(|colors| colors.covers(&submesh.faces));
         match submesh.material.and_then(|k| model.materials.get(k)) {
             Some(material) => {
                 let [red, green, blue, _] = material.base_color;
                 Self { base_color: [red, green, blue], image: material.base_color_map.image }
             }
             // Colours stand for themselves.
-            None if has_colors => Self { base_color: [1.0; 3], image: None },
+            None if covers(&geometry.colors, &submesh.faces) => {
+                Self { base_color: [1.0; 3], image: None }
+            }
             None => Self { base_color: SurfaceMaterial::plain().base_color, image: None },
         }
     }

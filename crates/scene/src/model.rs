@@ -79,6 +79,11 @@ impl<const N: usize> Indexed<N> {
     }
 }
 
+/// Whether the corners of these faces have a row of an attribute that a geometry may lack.
+pub(crate) fn covers<const N: usize>(attribute: &Option<Indexed<N>>, faces: &Range<usize>) -> bool {
+    attribute.as_ref().is_some_and(|indexed| indexed.covers(faces))
+}
+
 impl Geometry {
     /// The materials of its faces, in their order; `None` where faces have none.
     pub fn materials(&self) -> impl Iterator<Item = Option<usize>> {

@@ -10,7 +10,9 @@ use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
 use crate::file_names::is_file_name;
-use crate::model::{Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Submesh};
+use crate::model::{
+    Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Submesh, covers,
+};
 use crate::picture::{ColorSpace, Picture};
 
 /// Numbers at corners of faces: `[A, C]`, and which of them each corner has.
@@ -230,15 +232,15 @@ impl SurfaceMaterial {
 
     fn from_submesh(submesh: &Submesh, geometry: &Geometry, model: &Model) -> Self {
         let faces = submesh.faces.clone();
-        let has_colors = geometry.colors.as_ref().is_some_and(|rows| rows.covers(&faces));
-        let has_coordinates = geometry.coordinates.as_ref().is_some_and(|uv| uv.covers(&faces));
         let mut material = match submesh.material.and_then(|k| model.materials.get(k)) {
             Some(material) => Self::from_file(material, &model.images),
             // Colours stand for themselves.
-            None if has_colors => Self { base_color: [1.0; 3], ..Self::plain() },
+            None if covers(&geometry.colors, &faces) => {
+                Self { base_color: [1.0; 3], ..Self::plain() }
+            }
             None => Self::plain(),
         };
-        if !has_coordinates {
+        if !covers(&geometry.coordinates, &faces) {
             // Maps are looked up by texture coordinates.
             material.maps().into_iter().for_each(|map| map.texels = None);
         }

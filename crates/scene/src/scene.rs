@@ -23,7 +23,7 @@ use crate::folder::Folder;
 use crate::mask_files::{find_mask, usual_mask};
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
-use crate::model::{Model, Placed, Submesh};
+use crate::model::{Model, Placed, Submesh, covers};
 use crate::object::{Object, SurfaceMap, SurfaceMaterial, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
@@ -252,22 +252,21 @@ fn stem(path: &Path) -> String {
 }
 
 impl Source {
-    /// The objects of a mesh entry: a file may hold several.
-    fn objects(
+    /// The model of a mesh entry, and what the mesh is called where the entry does not say.
+    fn model(
         &self,
         entry: &Spanned<MeshEntry>,
-        is_lit: bool,
         notes: &mut Vec<String>,
-    ) -> Result<Vec<Object>, SceneError> {
+    ) -> Result<(Model, String), SceneError> {
         let mesh = entry.get_ref();
-        let (model, default) = match (&mesh.file, mesh.shape) {
+        match (&mesh.file, mesh.shape) {
             (Some(file), None) if mesh.faces.is_none() => {
                 let vertex_color_space = mesh.vertex_color_space.map(color_space);
                 let options = MeshOptions { vertex_color_space, weld: mesh.weld };
                 let model = read_counted(&self.folder, file, options)?;
                 let note = |note: &String| format!("{}: {note}", file.display());
                 notes.extend(model.notes.iter().map(note));
-                (model, stem(file))
+                Ok((model, stem(file)))
             }
             (None, Some(shape)) if mesh.vertex_color_space.is_none() && mesh.weld.is_none() => {
                 let faces = mesh.faces.map_or(FACES, |faces| faces.0);
@@ -283,15 +282,27 @@ impl Source {
                 let placed = Placed { name: name.clone(), geometry: 0, transform: DMat4::IDENTITY };
                 let model =
                     Model { geometries: vec![geometry], placed: vec![placed], ..Model::default() };
-                (model, name)
+                Ok((model, name))
             }
             _ => {
                 let rule = "a mesh has either `file`, perhaps with `vertex_color_space` and `weld`, or `shape`, \
                             perhaps with `faces`";
-                return Err(self.wrong(entry, rule));
+                Err(self.wrong(entry, rule))
             }
-        };
-        let kind = mesh.file.as_ref().and_then(|file| MeshKind::from_path(file).ok());
+        }
+    }
+
+    /// The objects of a mesh entry: a file may hold several.
+    fn objects(
+        &self,
+        entry: &Spanned<MeshEntry>,
+        is_lit: bool,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Object>, SceneError> {
+        let mesh = entry.get_ref();
+        let (model, default) = self.model(entry, notes)?;
+        let is_gltf = mesh.file.as_ref().and_then(|file| MeshKind::from_path(file).ok())
+            == Some(MeshKind::Gltf);
         let name = mesh.name.clone().unwrap_or(default);
         let first = mesh.place.matrix();
         let mut instances = vec![first];
@@ -306,28 +317,18 @@ impl Source {
             let places = instances.iter().flat_map(|&m| places.iter().map(move |&place| m * place));
             let geometry = &model.geometries[*k];
             let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
-            let texels = materials
-                .map(|materials| SurfaceMaterial::texels_of_file(materials, &model.images))
-                .sum();
+            let texels = materials.map(|k| SurfaceMaterial::texels_of_file(k, &model.images)).sum();
             self.claim_texels(texels, entry)?;
             for submesh in &geometry.submeshes {
                 let material = submesh.material.and_then(|k| model.materials.get(k));
                 let is_mapped = material.is_some_and(|material| material.images().next().is_some());
-                let is_placed = geometry
-                    .coordinates
-                    .as_ref()
-                    .is_some_and(|coordinates| coordinates.covers(&submesh.faces));
-                if is_mapped && !is_placed {
-                    let message =
-                        "images of its material were left out, as it has no texture coordinates";
-                    notes.push(format!("{name}: {message}"));
+                if is_mapped && !covers(&geometry.coordinates, &submesh.faces) {
+                    let rule = "images of its material were left out";
+                    notes.push(format!("{name}: {rule}, as it has no texture coordinates"));
                 }
             }
-            let has_normals = |k: &Submesh| {
-                geometry.normals.as_ref().is_some_and(|normals| normals.covers(&k.faces))
-            };
-            let is_smooth = !geometry.submeshes.iter().all(has_normals);
-            if is_lit && is_smooth && kind == Some(MeshKind::Gltf) {
+            let has_normals = |k: &Submesh| covers(&geometry.normals, &k.faces);
+            if is_lit && is_gltf && !geometry.submeshes.iter().all(has_normals) {
                 let message = "its file has no normals: they are smooth, where glTF has flat ones";
                 notes.push(format!("{name}: {message}"));
             }

@@ -71,24 +71,8 @@ impl Welder {
         place: &Place,
         notes: &mut Notes,
     ) -> Result<Option<Geometry>, SceneError> {
-        let Raw { name, submeshes, is_welded, positions: Corners { rows, faces }, .. } = raw;
-        let (mut named, mut local) = self.pick(rows.len(), &faces);
-        // In the order of the file, where the corners had them in theirs.
-        let mut order: Vec<u32> = (0..named.len() as u32).collect();
-        order.sort_unstable_by_key(|&number| named[number as usize]);
-        let mut places = vec![0; named.len()];
-        for (place, &number) in order.iter().enumerate() {
-            places[number as usize] = place as u32;
-        }
-        named.sort_unstable();
-        local.iter_mut().flatten().for_each(|number| *number = places[*number as usize]);
-
-        let positions: Vec<[f32; 3]> = named.iter().map(|&row| plain(rows[row as usize])).collect();
-        if let Some(k) = positions.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
-            let rule = "positions are finite";
-            let message = format!("{rule}, and vertex {} is at {:?}", named[k], positions[k]);
-            return Err(SceneError::content(place.clone(), message));
-        }
+        let Raw { name, submeshes, is_welded, positions, .. } = raw;
+        let (positions, mut local) = self.positions(&positions, place)?;
         let same = same_rows(&positions);
         if is_welded {
             local.iter_mut().flatten().for_each(|number| *number = same[*number as usize]);
@@ -152,6 +136,35 @@ impl Welder {
             tangents,
             submeshes,
         }))
+    }
+
+    /// The positions that faces name, in the order of the file, and the faces with their numbers.
+    fn positions(
+        &mut self,
+        Corners { rows, faces }: &Corners<'_, 3>,
+        place: &Place,
+    ) -> Result<(Vec<[f32; 3]>, Vec<[u32; 3]>), SceneError> {
+        let (mut named, mut local) = self.pick(rows.len(), faces);
+        // In the order of the file, where the corners had them in theirs.
+        let mut order: Vec<u32> = (0..named.len() as u32).collect();
+        order.sort_unstable_by_key(|&number| named[number as usize]);
+        let mut places = vec![0; named.len()];
+        for (place, &number) in order.iter().enumerate() {
+            places[number as usize] = place as u32;
+        }
+        named.sort_unstable();
+        local.iter_mut().flatten().for_each(|number| *number = places[*number as usize]);
+        let positions: Vec<[f32; 3]> = named.iter().map(|&row| plain(rows[row as usize])).collect();
+        match positions.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
+            None => Ok((positions, local)),
+            Some(k) => {
+                let found = format!("vertex {} is at {:?}", named[k], positions[k]);
+                Err(SceneError::content(
+                    place.clone(),
+                    format!("positions are finite, and {found}"),
+                ))
+            }
+        }
     }
 
     /// The welded attribute: each row that faces name once.

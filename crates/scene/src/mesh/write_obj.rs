@@ -16,7 +16,7 @@ use super::check::{check, check_number, place};
 use super::colors::share;
 use super::obj::NO_MATERIAL;
 use crate::error::SceneError;
-use crate::model::{MaterialFile, MaterialMap, Model, NO_ROW};
+use crate::model::{Geometry, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh};
 use crate::picture::Picture;
 
 /// The files of a model, which lie side by side.
@@ -119,6 +119,7 @@ impl ObjFiles {
         Ok(())
     }
 
+    /// Adds a placed geometry. `firsts` has the numbers of the next rows of positions, coordinates and normals.
     fn add_object(
         &mut self,
         model: &Model,
@@ -126,11 +127,37 @@ impl ObjFiles {
         number: usize,
         firsts: &mut [usize; 3],
     ) -> Result<(), SceneError> {
-        let placed = &model.placed[number];
-        let geometry = &model.geometries[placed.geometry];
+        let Placed { name, geometry, transform } = &model.placed[number];
+        let geometry = &model.geometries[*geometry];
         check(geometry)?;
+        let _ = writeln!(self.obj, "o {}", one_line(name, number));
+        self.add_rows(geometry, transform);
+        // A mirror turns faces around.
+        let corners = if transform.determinant() < 0.0 { [0, 2, 1] } else { [0, 1, 2] };
+        for submesh in &geometry.submeshes {
+            let name = match submesh.material {
+                None => NO_MATERIAL,
+                Some(material) => {
+                    check_number("material", material, materials.len())?;
+                    &materials[material]
+                }
+            };
+            // It holds until the next one, through objects.
+            let _ = writeln!(self.obj, "usemtl {name}");
+            self.add_faces(geometry, submesh, corners, firsts);
+        }
+        let counts = [
+            geometry.positions.len(),
+            geometry.coordinates.as_ref().map_or(0, |indexed| indexed.rows.len()),
+            geometry.normals.as_ref().map_or(0, |indexed| indexed.rows.len()),
+        ];
+        firsts.iter_mut().zip(counts).for_each(|(first, count)| *first += count);
+        Ok(())
+    }
+
+    /// Adds positions with colours, coordinates and normals, in the world.
+    fn add_rows(&mut self, geometry: &Geometry, transform: &DMat4) {
         let text = &mut self.obj;
-        let _ = writeln!(text, "o {}", one_line(&placed.name, number));
         // A vertex of OBJ has one colour.
         let mut colors = vec![None; geometry.positions.len()];
         if let Some(rows) = &geometry.colors {
@@ -140,12 +167,12 @@ impl ObjFiles {
             }
         }
         for (point, color) in geometry.positions.iter().zip(colors) {
-            let _ = match placed.transform == DMat4::IDENTITY {
+            let _ = match *transform == DMat4::IDENTITY {
                 // As many digits as give the same bits again.
                 true => write!(text, "v {} {} {}", point[0], point[1], point[2]),
                 false => {
                     let point = DVec3::from(point.map(f64::from));
-                    let [x, y, z] = placed.transform.transform_point3(point).to_array();
+                    let [x, y, z] = transform.transform_point3(point).to_array();
                     write!(text, "v {x} {y} {z}")
                 }
             };
@@ -158,7 +185,7 @@ impl ObjFiles {
         for [u, v] in geometry.coordinates.iter().flat_map(|coordinates| &coordinates.rows) {
             let _ = writeln!(text, "vt {u} {}", 1.0 - v);
         }
-        let turn = DMat3::from_mat4(placed.transform).inverse().transpose();
+        let turn = DMat3::from_mat4(*transform).inverse().transpose();
         for normal in geometry.normals.iter().flat_map(|normals| &normals.rows) {
             let _ = match turn == DMat3::IDENTITY {
                 true => writeln!(text, "vn {} {} {}", normal[0], normal[1], normal[2]),
@@ -169,54 +196,36 @@ impl ObjFiles {
                 }
             };
         }
-        let is_mirrored = placed.transform.determinant() < 0.0;
-        for submesh in &geometry.submeshes {
-            let name = match submesh.material {
-                None => NO_MATERIAL,
-                Some(material) => {
-                    check_number("material", material, materials.len())?;
-                    &materials[material]
-                }
-            };
-            // It holds until the next one, through objects.
-            let _ = writeln!(text, "usemtl {name}");
-            let coordinates = geometry
-                .coordinates
-                .as_ref()
-                .filter(|coordinates| coordinates.covers(&submesh.faces));
-            let normals =
-                geometry.normals.as_ref().filter(|normals| normals.covers(&submesh.faces));
-            for face in submesh.faces.clone() {
-                text.push('f');
-                for k in if is_mirrored { [0, 2, 1] } else { [0, 1, 2] } {
-                    let row = |first: usize, row: u32| (first + row as usize).to_string();
-                    let vertex = row(firsts[0], geometry.faces[face][k]);
-                    let index = |first, rows: Option<&[[u32; 3]]>| {
-                        rows.map(|rows| row(first, rows[face][k]))
-                    };
-                    let coordinate = index(
-                        firsts[1],
-                        coordinates.map(|coordinates| coordinates.faces.as_slice()),
-                    );
-                    let normal = index(firsts[2], normals.map(|normals| normals.faces.as_slice()));
-                    let _ = match (coordinate, normal) {
-                        (None, None) => write!(text, " {vertex}"),
-                        (Some(uv), None) => write!(text, " {vertex}/{uv}"),
-                        (uv, Some(normal)) => {
-                            write!(text, " {vertex}/{}/{normal}", uv.unwrap_or_default())
-                        }
-                    };
-                }
-                text.push('\n');
-            }
-        }
-        let counts = [
-            geometry.positions.len(),
-            geometry.coordinates.as_ref().map_or(0, |indexed| indexed.rows.len()),
-            geometry.normals.as_ref().map_or(0, |indexed| indexed.rows.len()),
+    }
+
+    /// Adds the faces of a submesh, their corners in this order.
+    fn add_faces(
+        &mut self,
+        geometry: &Geometry,
+        submesh: &Submesh,
+        corners: [usize; 3],
+        firsts: &[usize; 3],
+    ) {
+        let coordinates = geometry.coordinates.as_ref().filter(|uv| uv.covers(&submesh.faces));
+        let normals = geometry.normals.as_ref().filter(|rows| rows.covers(&submesh.faces));
+        let all = [
+            Some(&geometry.faces),
+            coordinates.map(|indexed| &indexed.faces),
+            normals.map(|indexed| &indexed.faces),
         ];
-        firsts.iter_mut().zip(counts).for_each(|(first, count)| *first += count);
-        Ok(())
+        for face in submesh.faces.clone() {
+            self.obj.push('f');
+            for corner in corners {
+                let number = |kind: usize| {
+                    let row = all[kind].map(|faces| faces[face][corner] as usize);
+                    row.map_or(String::new(), |row| (firsts[kind] + row).to_string())
+                };
+                let [vertex, coordinate, normal] = [0, 1, 2].map(number);
+                let numbers = format!("{vertex}/{coordinate}/{normal}");
+                let _ = write!(self.obj, " {}", numbers.trim_end_matches('/'));
+            }
+            self.obj.push('\n');
+        }
     }
 }
 

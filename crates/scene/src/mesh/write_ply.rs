@@ -28,9 +28,8 @@ pub fn ply(
     check(geometry)?;
     let unwelded = Unwelded::new(geometry);
     let Geometry { positions, offset, colors, coordinates, normals, submeshes, .. } = geometry;
-    let mut header = "ply\nformat binary_little_endian 1.0\n".to_owned();
-    // The materials of its faces, each with the number of its image.
-    let (mut used, mut count) = (Vec::new(), 0);
+    // The materials of its faces, each with the number of its image, and the files of images.
+    let (mut used, mut files) = (Vec::new(), Vec::new());
     let mut numbers = vec![-1; materials.len()];
     for number in geometry.materials().flatten().filter(|_| !materials.is_empty()) {
         check_number("material", number, materials.len())?;
@@ -42,39 +41,11 @@ pub fn ply(
         let file = material.base_color_map.image.and_then(&image);
         // A line feed would begin another line of the header.
         let file = file.filter(|file| !file.contains(char::is_control));
-        used.push((material, if file.is_some() { count } else { -1 }));
-        if let Some(file) = file {
-            header.push_str(&format!("comment TextureFile {file}\n"));
-            count += 1;
-        }
+        used.push((material, if file.is_some() { files.len() as i32 } else { -1 }));
+        files.extend(file);
     }
-    header.push_str(&format!("element vertex {}\n", unwelded.vertices.len()));
+    let mut bytes = header(geometry, &unwelded, used.len(), &files).into_bytes();
     let is_far = *offset != DVec3::ZERO;
-    let kind = if is_far { "double" } else { "float" };
-    header.push_str(&format!("property {kind} x\nproperty {kind} y\nproperty {kind} z\n"));
-    if normals.is_some() {
-        header.push_str("property float nx\nproperty float ny\nproperty float nz\n");
-    }
-    if colors.is_some() {
-        header.push_str("property uchar red\nproperty uchar green\nproperty uchar blue\n");
-    }
-    if coordinates.is_some() {
-        header.push_str("property float s\nproperty float t\n");
-    }
-    if !used.is_empty() {
-        header.push_str(&format!("element material {}\n", used.len()));
-        header.push_str(
-            "property uchar diffuse_red\nproperty uchar diffuse_green\nproperty uchar diffuse_blue\n\
-             property float roughness\nproperty float metallic\nproperty int texnumber\n",
-        );
-    }
-    header.push_str(&format!("element face {}\n", unwelded.faces.len()));
-    header.push_str("property list uchar int vertex_indices\n");
-    if !used.is_empty() {
-        header.push_str("property int material_index\n");
-    }
-    header.push_str("end_header\n");
-    let mut bytes = header.into_bytes();
     for &[position, color, coordinate, normal, _] in &unwelded.vertices {
         let position = positions[position as usize];
         match is_far {
@@ -112,6 +83,40 @@ pub fn ply(
         }
     }
     Ok(bytes)
+}
+
+/// The header of a file with so many `materials`, whose images are in these files.
+fn header(geometry: &Geometry, unwelded: &Unwelded, materials: usize, files: &[String]) -> String {
+    let Geometry { offset, colors, coordinates, normals, .. } = geometry;
+    let kind = if *offset == DVec3::ZERO { "float" } else { "double" };
+    let properties = |kind: &str, names: &str| -> String {
+        names.split(' ').map(|name| format!("property {kind} {name}\n")).collect()
+    };
+    let mut header = "ply\nformat binary_little_endian 1.0\n".to_owned();
+    header.extend(files.iter().map(|file| format!("comment TextureFile {file}\n")));
+    header += &format!("element vertex {}\n", unwelded.vertices.len());
+    header += &properties(kind, "x y z");
+    if normals.is_some() {
+        header += &properties("float", "nx ny nz");
+    }
+    if colors.is_some() {
+        header += &properties("uchar", "red green blue");
+    }
+    if coordinates.is_some() {
+        header += &properties("float", "s t");
+    }
+    if materials > 0 {
+        header += &format!("element material {materials}\n");
+        header += &properties("uchar", "diffuse_red diffuse_green diffuse_blue");
+        header += &properties("float", "roughness metallic");
+        header += &properties("int", "texnumber");
+    }
+    header += &format!("element face {}\n", unwelded.faces.len());
+    header += &properties("list uchar int", "vertex_indices");
+    if materials > 0 {
+        header += &properties("int", "material_index");
+    }
+    header + "end_header\n"
 }
 
 fn push(bytes: &mut Vec<u8>, numbers: &[f32]) {

@@ -183,8 +183,8 @@ fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
                     .collect()
             }
             "properties" | "additionalProperties" => {
-                let value = value.as_object().into_iter().flatten();
-                value
+                let keys = value.as_object().into_iter().flatten();
+                keys
                     .flat_map(|(key, value)| match (&node["properties"][key], word.as_str()) {
                         (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
                         (Value::Null, _) | (_, "additionalProperties") => vec![],
@@ -198,9 +198,9 @@ fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
                     |key: &&Value| value.is_object() && value[key.as_str().unwrap()].is_null();
                 keys.iter().filter(lacks).flat_map(|key| wrong(&format!("without {key}"))).collect()
             }
-            "allOf" => all(word).iter().flat_map(|value| faults(root, value, value, at)).collect(),
+            "allOf" => all(word).iter().flat_map(|part| faults(root, part, value, at)).collect(),
             "anyOf" | "oneOf" => {
-                let fits = |value: &&Value| faults(root, value, value, at).is_empty();
+                let fits = |choice: &&Value| faults(root, choice, value, at).is_empty();
                 match all(word).iter().filter(fits).count() {
                     1 => vec![],
                     2.. if word == "anyOf" => vec![],

@@ -3,8 +3,12 @@
 
 mod description;
 mod fits;
+mod fixtures;
+mod images;
+mod lenses;
+mod meshes;
 mod metamorphic;
-mod programs;
 mod ranks;
 mod rays;
 mod resuming;
+mod stages;

@@ -76,6 +76,45 @@ impl Skin {
         Ok(Self { number, joints })
     }
 
+    /// Adds the matrices and weights of a set of joints to the sums of vertices.
+    ///
+    /// # Errors
+    /// The rule that is broken.
+    fn add(
+        &self,
+        sums: &mut [(DMat4, f64)],
+        joints: &[[u32; 4]],
+        weights: &[[f32; 4]],
+    ) -> Result<(), String> {
+        let count = sums.len();
+        for (what, found) in [("joints", joints.len()), ("weights", weights.len())] {
+            if found != count {
+                let rule = format!("there are as many {what} as positions, {count}");
+                return Err(format!("{rule}, and these are {found}"));
+            }
+        }
+        for (vertex, (joints, weights)) in joints.iter().zip(weights).enumerate() {
+            for (&joint, &weight) in joints.iter().zip(weights) {
+                // A weight that is NaN is refused, too.
+                if !(weight >= 0.0 && weight.is_finite()) {
+                    let rule = "a weight is finite and not below 0";
+                    return Err(format!("{rule}, and one of vertex {vertex} is {weight}"));
+                }
+                if weight == 0.0 {
+                    continue;
+                }
+                let Some(matrix) = self.joints.get(joint as usize) else {
+                    let rule = format!("it has {} joints", self.joints.len());
+                    return Err(format!("{rule}, and vertex {vertex} names joint {joint}"));
+                };
+                let (sum, total) = &mut sums[vertex];
+                *sum += *matrix * f64::from(weight);
+                *total += f64::from(weight);
+            }
+        }
+        Ok(())
+    }
+
     /// What the skin does to the `count` vertices of a primitive.
     pub(super) fn bend(
         &self,
@@ -104,32 +143,8 @@ impl Skin {
                 };
             let joints = file.joints(joints)?;
             let weights = file.rows::<4>(weights, &[4], true)?;
-            for (what, found) in [("joints", joints.len()), ("weights", weights.len())] {
-                if found != count {
-                    let rule = format!("there are as many {what} as positions, {count}");
-                    return error(file, format!("{rule}, and these are {found}"));
-                }
-            }
-            for (vertex, (joints, weights)) in joints.iter().zip(&weights).enumerate() {
-                for (&joint, &weight) in joints.iter().zip(weights) {
-                    // A weight that is NaN is refused, too.
-                    if !(weight >= 0.0 && weight.is_finite()) {
-                        let rule = "a weight is finite and not below 0";
-                        let message = format!("{rule}, and one of vertex {vertex} is {weight}");
-                        return error(file, message);
-                    }
-                    if weight == 0.0 {
-                        continue;
-                    }
-                    let Some(matrix) = self.joints.get(joint as usize) else {
-                        let rule = format!("it has {} joints", self.joints.len());
-                        let message = format!("{rule}, and vertex {vertex} names joint {joint}");
-                        return error(file, message);
-                    };
-                    let (sum, total) = &mut sums[vertex];
-                    *sum += *matrix * f64::from(weight);
-                    *total += f64::from(weight);
-                }
+            if let Err(rule) = self.add(&mut sums, &joints, &weights) {
+                return error(file, rule);
             }
             if set == 0 {
                 first.extend(joints.iter().map(|joints| joints[0]));

@@ -25,7 +25,7 @@ const NO_COLOR: [f32; 3] = [f32::NAN; 3];
 const NAMED: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Faces with one material of one object.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Part {
     /// The object's number and name.
     object: usize,
@@ -91,26 +91,8 @@ impl Parts {
                         context.notes.add("a face with fewer than three corners was left out");
                         continue;
                     }
-                    let next = parts.list.len();
-                    let part = *by_object.entry((objects, material)).or_insert(next);
-                    if part == next {
-                        if next == MOST_PARTS {
-                            let (place, what) = (context.line(number), "meshes of a file");
-                            let (most, found) = (MOST_PARTS as u64, next as u64 + 1);
-                            return Err(SceneError::TooLarge { place, what, most, found });
-                        }
-                        let (name, faces) = (object.clone(), Default::default());
-                        let (missing, polygons) = ([0; 2], Polygons::default());
-                        parts.list.push(Part {
-                            object: objects,
-                            name,
-                            material,
-                            faces,
-                            missing,
-                            polygons,
-                        });
-                    }
-                    parts.list[part].add(&corners);
+                    let key = (objects, material);
+                    parts.part(key, &object, &mut by_object, number, context)?.add(&corners);
                 }
                 Some("o") => {
                     object = name(rest(&line, "o"));
@@ -143,6 +125,29 @@ impl Parts {
         parts.check(context)?;
         parts.finish(&mut context.notes, context.options.vertex_color_space);
         Ok(parts)
+    }
+
+    /// The part with the faces of an object with a material, whose key these are.
+    fn part(
+        &mut self,
+        key @ (object, material): (usize, Option<usize>),
+        name: &str,
+        numbers: &mut HashMap<(usize, Option<usize>), usize>,
+        line: usize,
+        context: &MeshContext<'_>,
+    ) -> Result<&mut Part, SceneError> {
+        let next = self.list.len();
+        let number = *numbers.entry(key).or_insert(next);
+        if number == MOST_PARTS {
+            let (place, what) = (context.line(line), "meshes of a file");
+            let (most, found) = (MOST_PARTS as u64, next as u64 + 1);
+            return Err(SceneError::TooLarge { place, what, most, found });
+        }
+        if number == next {
+            let name = name.to_owned();
+            self.list.push(Part { object, name, material, ..Part::default() });
+        }
+        Ok(&mut self.list[number])
     }
 
     /// The faces that follow are of this smoothing group.

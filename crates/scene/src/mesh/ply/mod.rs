@@ -260,26 +260,36 @@ impl Contents {
                 }
             }
             let coordinates = coordinates.map_or(&[][..], |list| row.list(list));
-            if coordinates.is_empty() {
-                self.has_bare_faces = true;
-            } else if coordinates.len() != 2 * corners.len() {
-                let corners = corners.len();
-                let rule =
-                    format!("face {number} has two coordinates at each of {corners} corners");
-                return Err(format!("{rule}, and these are {}", coordinates.len()));
-            } else {
-                let row = self.corner_coordinates.len() as u32;
-                let rows = coordinates.as_chunks().0.iter();
-                self.corner_coordinates.extend(rows.map(|&[u, v]| [u as f32, 1.0 - v as f32]));
-                for k in 1..corners.len() as u32 - 1 {
-                    self.corner_faces.push([row, row + k, row + k + 1]);
-                }
-            }
-            Ok(())
+            self.add_coordinates(coordinates, corners.len(), number)
         })?;
         self.polygon_colors = color.map(|(_, written)| (written, colors));
         opacity.note("faces", context);
         context.notes.count("a face with fewer than three corners was left out", left_out);
+        Ok(())
+    }
+
+    /// Adds the coordinates at the corners of a face, if it has some.
+    ///
+    /// # Errors
+    /// The rule that they break.
+    fn add_coordinates(
+        &mut self,
+        coordinates: &[f64],
+        corners: usize,
+        face: usize,
+    ) -> Result<(), String> {
+        if coordinates.is_empty() {
+            self.has_bare_faces = true;
+            return Ok(());
+        }
+        if coordinates.len() != 2 * corners {
+            let rule = format!("face {face} has two coordinates at each of {corners} corners");
+            return Err(format!("{rule}, and these are {}", coordinates.len()));
+        }
+        let row = self.corner_coordinates.len() as u32;
+        let rows = coordinates.as_chunks().0.iter();
+        self.corner_coordinates.extend(rows.map(|&[u, v]| [u as f32, 1.0 - v as f32]));
+        self.corner_faces.extend((1..corners as u32 - 1).map(|k| [row, row + k, row + k + 1]));
         Ok(())
     }
 

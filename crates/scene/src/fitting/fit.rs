@@ -1,33 +1,26 @@
-//! Fits of scenes: stages, steps, and what came out.
+//! A fit of a scene, from its start or a file to its end.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use bokashi_core::{Mask, Tape, Tensor, Var};
+use bokashi_core::Tape;
 use bokashi_fit::{
-    Alone, Fit, FitError, FitSettings, Given, Optimizer, Parameters, Penalty, Pipeline,
-    Preconditioner, Ranks, Schedule, Stepped, Stop, Variables, View, Views, agree, agreed, block,
-    check_alike, check_same, iou, mean_error, psnr, saved, ssim, ssim_error, views,
+    Alone, Fit, FitError, Given, Parameters, Preconditioner, Ranks, Stepped, Stop, agreed,
+    check_alike, check_same, saved,
 };
 
-use crate::description::{Count, LossKind, Stage};
+use super::stage::{StagePipeline, check_stages, set_rates, settings, views_of, views_per_step};
+use crate::description::{Count, Description, Stage};
 use crate::error::{Place, SceneError};
 use crate::given::starts;
 use crate::learnables::Values;
-use crate::learning::{Learnt, LearntRate, Regularizer};
+use crate::learning::{Learnt, LearntRate};
 use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
 use crate::saved_fit::{self, Origin, Progress};
 use crate::scene::{Scene, check_views};
 use crate::stopping::{Seen, StopRules};
-use crate::targets::{HUBER, Targets, fit_error};
-
-/// The loss of a view.
-type Loss = Box<
-    dyn for<'t> Fn(View, &'t Tape<f32>, &Variables<'t, f32>) -> Result<Var<'t, f32>, FitError>
-        + Send
-        + Sync,
->;
+use crate::targets::Targets;
 
 /// Steps of a fit that does not say.
 const STEPS: usize = 1000;
@@ -37,107 +30,22 @@ const BETWEEN_CHECKS: u64 = 100;
 
 /// A fit of a scene, under way.
 pub struct SceneFit {
-    renderer: Arc<Renderer>,
-    targets: Arc<Targets>,
+    pub(super) renderer: Arc<Renderer>,
+    pub(super) targets: Arc<Targets>,
     /// The views that are learnt from.
     learnt_from: Arc<[usize]>,
     stages: Vec<Stage>,
     stage: usize,
-    fit: Fit<f32>,
+    pub(super) fit: Fit<f32>,
     pipeline: StagePipeline,
-    rates: Vec<LearntRate>,
-    ranks: Ranks<f32>,
+    pub(super) rates: Vec<LearntRate>,
+    pub(super) ranks: Ranks<f32>,
     /// Where its parameters start in the scene, until the fit begins.
     starts: Given,
     /// What the fit was given that it goes on from, until it begins.
     from: Option<Origin>,
     /// What was changed since the fit was saved, in words.
     changed: Vec<String>,
-}
-
-/// How well a view is matched.
-#[derive(Debug, Clone, Copy)]
-pub struct ViewScore {
-    /// The view.
-    pub view: usize,
-    /// Peak signal-to-noise ratio, in decibels.
-    pub psnr: Option<f64>,
-    /// Structural similarity.
-    pub ssim: Option<f64>,
-    /// Intersection over union of the silhouettes, where the view has a mask.
-    pub silhouette_iou: Option<f64>,
-}
-
-impl ViewScore {
-    /// Of three numbers, each after a byte that says whether it is one.
-    const BYTES: usize = 3 * 9;
-
-    fn to_bytes(self) -> Vec<u8> {
-        let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
-        let flagged = |number: Option<f64>| {
-            [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
-        };
-        numbers.flat_map(flagged).collect()
-    }
-
-    fn from_bytes(view: usize, bytes: &[u8]) -> Self {
-        let number = |k: usize| match bytes.get(9 * k..)?.split_first()? {
-            (1, bytes) => bytes.first_chunk().map(|&bytes| f64::from_le_bytes(bytes)),
-            _ => None,
-        };
-        Self { view, psnr: number(0), ssim: number(1), silhouette_iou: number(2) }
-    }
-}
-
-/// A view as it is seen, and how well it is matched.
-#[derive(Debug, Clone)]
-pub struct SeenView {
-    /// How well.
-    pub score: ViewScore,
-    /// The picture, `[H, W, 3]`, as pixels stand for it.
-    pub image: Tensor<f32>,
-    /// What it was compared with, if the view has an image.
-    pub target: Option<Tensor<f32>>,
-}
-
-/// One stage's steps.
-struct StagePipeline {
-    stage: usize,
-    views: Views<f32, Loss>,
-    regularizers: Arc<[Regularizer]>,
-    rules: StopRules,
-    /// What the fit was given, as it is saved.
-    origin: Arc<[u8]>,
-}
-
-impl Pipeline<f32> for StagePipeline {
-    type Measure = ();
-
-    fn prepare(&mut self, step: u64) -> Result<(), FitError> {
-        self.views.prepare(step)
-    }
-
-    fn save_state(&self, state: &mut Vec<u8>) {
-        let progress = Progress { stage: self.stage, seen: self.rules.seen() };
-        progress.write(&self.origin, state);
-    }
-
-    fn restore_state(&mut self, _state: &[u8]) -> Result<(), FitError> {
-        // It was read before there was a pipeline.
-        Ok(())
-    }
-
-    fn loss<'t>(
-        &mut self,
-        tape: &'t Tape<f32>,
-        variables: &Variables<'t, f32>,
-    ) -> Result<Var<'t, f32>, FitError> {
-        let mut loss = self.views.loss(tape, variables)?;
-        for regularizer in self.regularizers.iter() {
-            loss = loss.try_add(regularizer.loss(variables)?)?;
-        }
-        Ok(loss)
-    }
 }
 
 impl SceneFit {
@@ -229,23 +137,14 @@ impl SceneFit {
             return Err(SceneError::content(Place::new(&scene.path), message));
         }
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
-        let Learnt { mut parameters, rates, regularizers, preconditioners } =
+        let Learnt { parameters, rates, regularizers, preconditioners } =
             Learnt::from_scene(renderer.scene())?;
         let description = &renderer.scene().description;
         let structure = description.loss.ssim.is_some_and(|share| share.0 > 0.0);
         let is_dense = renderer.is_dense() || structure;
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
         check_stages(renderer.scene(), &rates)?;
-        let stages = match description.stages.as_slice() {
-            [] => vec![Stage {
-                steps: description.stop.steps.unwrap_or(Count(STEPS)),
-                learn: None,
-                reduce: None,
-                views_per_step: description.stop.views_per_step,
-                rates: None,
-            }],
-            stages => stages.to_vec(),
-        };
+        let stages = stages(description);
         let starts = starts(&parameters);
         let (progress, from) = match saved_fit {
             Some(bytes) => {
@@ -262,18 +161,12 @@ impl SceneFit {
         };
         let (first, seed) = (first.clone(), description.seed);
         let settings = settings(&first);
-        let fit = match saved_fit {
-            Some(bytes) => {
-                let mut fit = resumed(bytes, &preconditioners, &parameters)?;
-                set_rates(fit.parameters_mut(), &rates, &first)?;
-                fit.set_settings(settings)?;
-                fit
-            }
-            None => {
-                set_rates(&mut parameters, &rates, &first)?;
-                Fit::new(parameters, settings)?
-            }
+        let mut fit = match saved_fit {
+            Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
+            None => Fit::new(parameters, settings)?,
         };
+        set_rates(fit.parameters_mut(), &rates, &first)?;
+        fit.set_settings(settings)?;
         let pipeline = StagePipeline {
             stage,
             views: views_of(&renderer, &targets, &learnt_from, &first, seed)
@@ -476,78 +369,19 @@ impl SceneFit {
         let all = report.left_out.into_iter();
         Ok(all.map(|entry| (entry.name, entry.reason.into_owned())).collect())
     }
+}
 
-    /// Draws a view and compares it with its image, if it has one.
-    ///
-    /// # Errors
-    /// What the operations refuse, and what is wrong with the image.
-    pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
-        Ok(self.seen(view)?.score)
-    }
-
-    /// The scores of some views. Ranks share them, and all know them all.
-    ///
-    /// # Errors
-    /// As [`SceneFit::score`].
-    pub fn scores(&self, views: &[usize]) -> Result<Vec<ViewScore>, SceneError> {
-        self.scores_with(views, |_| Ok(()))
-    }
-
-    /// As [`SceneFit::scores`], and calls `each` with what was seen, on the rank that drew it.
-    ///
-    /// # Errors
-    /// As [`SceneFit::score`], and those of `each`.
-    pub fn scores_with(
-        &self,
-        views: &[usize],
-        mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
-    ) -> Result<Vec<ViewScore>, SceneError> {
-        let scores = block(views.len(), self.ranks.rank(), self.ranks.size());
-        let score = |&view: &usize| {
-            let seen = self.seen(view)?;
-            each(&seen)?;
-            Ok(seen.score)
-        };
-        let scores: Result<Vec<_>, SceneError> = views[scores].iter().map(score).collect();
-        let bytes =
-            scores.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
-        let all = agree(&*self.ranks, bytes)?.concat();
-        let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
-        Ok(scores.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
-    }
-
-    /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
-    ///
-    /// # Errors
-    /// As [`SceneFit::score`].
-    pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
-        let tape = Tape::new();
-        let mut still = self.fit.parameters().clone();
-        for LearntRate { name, .. } in &self.rates {
-            still.set_rate(name, 0.0)?;
-        }
-        let variables = still.record(&tape);
-        let values = Values { tape: &tape, learnt: Some(&variables) };
-        let drawn = self.renderer.draw(&values, view, 1, true)?;
-        let all = self.renderer.image(&values, &drawn, 1)?;
-        let image = all.slice(2, 0..3).map_err(FitError::from)?.value();
-        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
-        if self.scene().views[view].image.is_none() {
-            return Ok(SeenView { score, image, target: None });
-        }
-        let target = self.targets.get(view, 1)?;
-        let colors = tape.constant(&target.image).slice(2, 0..3).map_err(FitError::from)?.value();
-        score.psnr = Some(psnr(&image, &colors, 1.0).map_err(FitError::from)?);
-        // Images smaller than a window have none.
-        score.ssim = ssim(&image, &colors, 1.0).ok();
-        if let Some(mask) = self.targets.mask(view)? {
-            let shape = mask.shape().clone();
-            let (seen, all) = (mask.data(), all.value());
-            let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
-            let expected = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
-            score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
-        }
-        Ok(SeenView { score, image, target: Some(colors) })
+/// The stages of a description: one of all steps, where it has none.
+fn stages(description: &Description) -> Vec<Stage> {
+    match description.stages.as_slice() {
+        [] => vec![Stage {
+            steps: description.stop.steps.unwrap_or(Count(STEPS)),
+            learn: None,
+            reduce: None,
+            views_per_step: description.stop.views_per_step,
+            rates: None,
+        }],
+        stages => stages.to_vec(),
     }
 }
 
@@ -573,107 +407,6 @@ fn resumed(
         true => Ok(fit),
         false => Err(FitError::saved(format!("the scene's parameters, {expected}"), found).into()),
     }
-}
-
-/// Stages name what is learnt, and nothing else.
-fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
-    let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
-    known.dedup();
-    let named = scene.description.stages.iter().filter_map(|stage| stage.learn.as_ref()).flatten();
-    match named.into_iter().find(|name| !known.contains(&name.as_str())) {
-        None => Ok(()),
-        Some(name) => {
-            let rule = format!("a stage learns some of {}", known.join(", "));
-            Err(SceneError::content(Place::new(&scene.path), format!("{rule}, and not {name:?}")))
-        }
-    }
-}
-
-/// Gives the parameters the rates of a stage.
-fn set_rates(
-    parameters: &mut Parameters<f32>,
-    rates: &[LearntRate],
-    stage: &Stage,
-) -> Result<(), FitError> {
-    let factor = stage.rates.map_or(1.0, |factor| factor.0);
-    for LearntRate { name, key, rate } in rates {
-        let is_learnt =
-            stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|learnt| learnt == key));
-        parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
-    }
-    Ok(())
-}
-
-fn settings(stage: &Stage) -> FitSettings {
-    let steps = stage.steps.0 as u64;
-    FitSettings {
-        steps,
-        schedule: Schedule::Cosine { steps, floor: 0.01 },
-        // With 0.999, gradients of the first steps would keep steps small to the end of a short stage.
-        optimizer: Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 },
-        ..FitSettings::default()
-    }
-}
-
-/// How many of `count` views a step of a stage draws.
-fn views_per_step(stage: &Stage, count: usize) -> usize {
-    stage.views_per_step.map_or(1, |count| count.0).min(count)
-}
-
-/// The views of a stage.
-fn views_of(
-    renderer: &Arc<Renderer>,
-    targets: &Arc<Targets>,
-    learnt_from: &Arc<[usize]>,
-    stage: &Stage,
-    seed: u64,
-) -> Views<f32, Loss> {
-    let (renderer, targets, all) =
-        (Arc::clone(renderer), Arc::clone(targets), Arc::clone(learnt_from));
-    let reduce = stage.reduce.map_or(1, |reduce| reduce.0);
-    let (count, per_step) = (all.len(), views_per_step(stage, all.len()));
-    let loss: Loss = Box::new(move |view, tape, variables| {
-        let values = Values { tape, learnt: Some(variables) };
-        loss_of_view(&renderer, &targets, &values, all[view.index], reduce)
-    });
-    views(count, loss).per_step(per_step).seed(seed)
-}
-
-/// How far a view is from its image.
-fn loss_of_view<'t>(
-    renderer: &Renderer,
-    targets: &Targets,
-    values: &Values<'t, '_>,
-    view: usize,
-    reduce: usize,
-) -> Result<Var<'t, f32>, FitError> {
-    let target = targets.get(view, reduce).map_err(fit_error)?;
-    let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
-    if let Some(loss) = &target.loss {
-        return Ok(drawn.light.map(|light| renderer.toned(light))?.loss(loss)?);
-    }
-    let image = renderer.image(values, &drawn, reduce)?;
-    let target = values.tape.constant(&target.image);
-    let description = &renderer.scene().description.loss;
-    let penalty = match description.kind {
-        LossKind::Squared => Penalty::Squared,
-        LossKind::Absolute => Penalty::Absolute,
-        LossKind::Huber => Penalty::Huber { delta: HUBER },
-    };
-    let colors = |all: Var<'t, f32>| all.slice(2, 0..3);
-    let (seen, expected) = (colors(image)?, colors(target)?);
-    let mut loss = mean_error(seen, expected, penalty)?;
-    if let Some(share) = description.ssim.filter(|share| share.0 > 0.0) {
-        let structure = ssim_error(seen, expected, 1.0)?;
-        loss = (loss * (1.0 - share.0) as f32).try_add(structure * share.0 as f32)?;
-    }
-    if image.shape()[2] == 4 {
-        let mask = |all: Var<'t, f32>| all.slice(2, 3..4);
-        let weight = description.silhouette.map_or(0.0, |weight| weight.0) as f32;
-        let error = mean_error(mask(image)?, mask(target)?, penalty)?;
-        loss = loss.try_add(error * weight)?;
-    }
-    Ok(loss)
 }
 
 #[cfg(test)]

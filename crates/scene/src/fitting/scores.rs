@@ -1,0 +1,129 @@
+//! How well views are matched.
+
+use bokashi_core::{Mask, Tape, Tensor};
+use bokashi_fit::{FitError, agree, block, iou, psnr, ssim};
+
+use super::fit::SceneFit;
+use crate::error::SceneError;
+use crate::learnables::Values;
+use crate::learning::LearntRate;
+
+/// How well a view is matched.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewScore {
+    /// The view.
+    pub view: usize,
+    /// Peak signal-to-noise ratio, in decibels.
+    pub psnr: Option<f64>,
+    /// Structural similarity.
+    pub ssim: Option<f64>,
+    /// Intersection over union of the silhouettes, where the view has a mask.
+    pub silhouette_iou: Option<f64>,
+}
+
+impl ViewScore {
+    /// Of three numbers, each after a byte that says whether it is one.
+    const BYTES: usize = 3 * 9;
+
+    fn to_bytes(self) -> Vec<u8> {
+        let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
+        let flagged = |number: Option<f64>| {
+            [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
+        };
+        numbers.flat_map(flagged).collect()
+    }
+
+    fn from_bytes(view: usize, bytes: &[u8]) -> Self {
+        let number = |k: usize| match bytes.get(9 * k..)?.split_first()? {
+            (1, bytes) => bytes.first_chunk().map(|&bytes| f64::from_le_bytes(bytes)),
+            _ => None,
+        };
+        Self { view, psnr: number(0), ssim: number(1), silhouette_iou: number(2) }
+    }
+}
+
+/// A view as it is seen, and how well it is matched.
+#[derive(Debug, Clone)]
+pub struct SeenView {
+    /// How well.
+    pub score: ViewScore,
+    /// The picture, `[H, W, 3]`, as pixels stand for it.
+    pub image: Tensor<f32>,
+    /// What it was compared with, if the view has an image.
+    pub target: Option<Tensor<f32>>,
+}
+
+impl SceneFit {
+    /// Draws a view and compares it with its image, if it has one.
+    ///
+    /// # Errors
+    /// What the operations refuse, and what is wrong with the image.
+    pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
+        Ok(self.seen(view)?.score)
+    }
+
+    /// The scores of some views. Ranks share them, and all know them all.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`].
+    pub fn scores(&self, views: &[usize]) -> Result<Vec<ViewScore>, SceneError> {
+        self.scores_with(views, |_| Ok(()))
+    }
+
+    /// As [`SceneFit::scores`], and calls `each` with what was seen, on the rank that drew it.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`], and those of `each`.
+    pub fn scores_with(
+        &self,
+        views: &[usize],
+        mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
+    ) -> Result<Vec<ViewScore>, SceneError> {
+        let scores = block(views.len(), self.ranks.rank(), self.ranks.size());
+        let score = |&view: &usize| {
+            let seen = self.seen(view)?;
+            each(&seen)?;
+            Ok(seen.score)
+        };
+        let scores: Result<Vec<_>, SceneError> = views[scores].iter().map(score).collect();
+        let bytes =
+            scores.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
+        let all = agree(&*self.ranks, bytes)?.concat();
+        let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
+        Ok(scores.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
+    }
+
+    /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`].
+    pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
+        let tape = Tape::new();
+        let mut still = self.fit.parameters().clone();
+        for LearntRate { name, .. } in &self.rates {
+            still.set_rate(name, 0.0)?;
+        }
+        let variables = still.record(&tape);
+        let values = Values { tape: &tape, learnt: Some(&variables) };
+        let drawn = self.renderer.draw(&values, view, 1, true)?;
+        let all = self.renderer.image(&values, &drawn, 1)?;
+        let image = all.slice(2, 0..3).map_err(FitError::from)?.value();
+        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
+        if self.scene().views[view].image.is_none() {
+            return Ok(SeenView { score, image, target: None });
+        }
+        let target = self.targets.get(view, 1)?;
+        let colors = tape.constant(&target.image).slice(2, 0..3).map_err(FitError::from)?.value();
+        score.psnr = Some(psnr(&image, &colors, 1.0).map_err(FitError::from)?);
+        // Images smaller than a window have none.
+        score.ssim = ssim(&image, &colors, 1.0).ok();
+        if let Some(mask) = self.targets.mask(view)? {
+            let shape = mask.shape().clone();
+            let (seen, all) = (mask.data(), all.value());
+            let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
+            let expected = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
+            score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
+        }
+        Ok(SeenView { score, image, target: Some(colors) })
+    }
+}

@@ -1,0 +1,167 @@
+//! A stage of a fit: its views, its rates, and the loss of a step.
+
+use std::sync::Arc;
+
+use bokashi_core::{Tape, Var};
+use bokashi_fit::{
+    FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Schedule, Variables, View,
+    Views, mean_error, ssim_error, views,
+};
+
+use crate::description::{LossKind, Stage};
+use crate::error::{Place, SceneError};
+use crate::learnables::Values;
+use crate::learning::{LearntRate, Regularizer};
+use crate::renderer::Renderer;
+use crate::saved_fit::Progress;
+use crate::scene::Scene;
+use crate::stopping::StopRules;
+use crate::targets::{HUBER, Targets, fit_error};
+
+/// The loss of a view.
+pub(super) type Loss = Box<
+    dyn for<'t> Fn(View, &'t Tape<f32>, &Variables<'t, f32>) -> Result<Var<'t, f32>, FitError>
+        + Send
+        + Sync,
+>;
+
+/// One stage's steps.
+pub(super) struct StagePipeline {
+    pub(super) stage: usize,
+    pub(super) views: Views<f32, Loss>,
+    pub(super) regularizers: Arc<[Regularizer]>,
+    pub(super) rules: StopRules,
+    /// What the fit was given, as it is saved.
+    pub(super) origin: Arc<[u8]>,
+}
+
+impl Pipeline<f32> for StagePipeline {
+    type Measure = ();
+
+    fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+        self.views.prepare(step)
+    }
+
+    fn save_state(&self, state: &mut Vec<u8>) {
+        let progress = Progress { stage: self.stage, seen: self.rules.seen() };
+        progress.write(&self.origin, state);
+    }
+
+    fn restore_state(&mut self, _state: &[u8]) -> Result<(), FitError> {
+        // It was read before there was a pipeline.
+        Ok(())
+    }
+
+    fn loss<'t>(
+        &mut self,
+        tape: &'t Tape<f32>,
+        variables: &Variables<'t, f32>,
+    ) -> Result<Var<'t, f32>, FitError> {
+        let mut loss = self.views.loss(tape, variables)?;
+        for regularizer in self.regularizers.iter() {
+            loss = loss.try_add(regularizer.loss(variables)?)?;
+        }
+        Ok(loss)
+    }
+}
+
+/// Stages name what is learnt, and nothing else.
+pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
+    let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
+    known.dedup();
+    let named = scene.description.stages.iter().filter_map(|stage| stage.learn.as_ref()).flatten();
+    match named.into_iter().find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => {
+            let rule = format!("a stage learns some of {}", known.join(", "));
+            Err(SceneError::content(Place::new(&scene.path), format!("{rule}, and not {name:?}")))
+        }
+    }
+}
+
+/// Gives the parameters the rates of a stage.
+pub(super) fn set_rates(
+    parameters: &mut Parameters<f32>,
+    rates: &[LearntRate],
+    stage: &Stage,
+) -> Result<(), FitError> {
+    let factor = stage.rates.map_or(1.0, |factor| factor.0);
+    for LearntRate { name, key, rate } in rates {
+        let is_learnt =
+            stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|learnt| learnt == key));
+        parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
+    }
+    Ok(())
+}
+
+pub(super) fn settings(stage: &Stage) -> FitSettings {
+    let steps = stage.steps.0 as u64;
+    FitSettings {
+        steps,
+        schedule: Schedule::Cosine { steps, floor: 0.01 },
+        // With 0.999, gradients of the first steps would keep steps small to the end of a short stage.
+        optimizer: Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 },
+        ..FitSettings::default()
+    }
+}
+
+/// How many of `count` views a step of a stage draws.
+pub(super) fn views_per_step(stage: &Stage, count: usize) -> usize {
+    stage.views_per_step.map_or(1, |count| count.0).min(count)
+}
+
+/// The views of a stage.
+pub(super) fn views_of(
+    renderer: &Arc<Renderer>,
+    targets: &Arc<Targets>,
+    learnt_from: &Arc<[usize]>,
+    stage: &Stage,
+    seed: u64,
+) -> Views<f32, Loss> {
+    let (renderer, targets, all) =
+        (Arc::clone(renderer), Arc::clone(targets), Arc::clone(learnt_from));
+    let reduce = stage.reduce.map_or(1, |reduce| reduce.0);
+    let (count, per_step) = (all.len(), views_per_step(stage, all.len()));
+    let loss: Loss = Box::new(move |view, tape, variables| {
+        let values = Values { tape, learnt: Some(variables) };
+        loss_of_view(&renderer, &targets, &values, all[view.index], reduce)
+    });
+    views(count, loss).per_step(per_step).seed(seed)
+}
+
+/// How far a view is from its image.
+fn loss_of_view<'t>(
+    renderer: &Renderer,
+    targets: &Targets,
+    values: &Values<'t, '_>,
+    view: usize,
+    reduce: usize,
+) -> Result<Var<'t, f32>, FitError> {
+    let target = targets.get(view, reduce).map_err(fit_error)?;
+    let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
+    if let Some(loss) = &target.loss {
+        return Ok(drawn.light.map(|light| renderer.toned(light))?.loss(loss)?);
+    }
+    let image = renderer.image(values, &drawn, reduce)?;
+    let target = values.tape.constant(&target.image);
+    let description = &renderer.scene().description.loss;
+    let penalty = match description.kind {
+        LossKind::Squared => Penalty::Squared,
+        LossKind::Absolute => Penalty::Absolute,
+        LossKind::Huber => Penalty::Huber { delta: HUBER },
+    };
+    let colors = |all: Var<'t, f32>| all.slice(2, 0..3);
+    let (seen, expected) = (colors(image)?, colors(target)?);
+    let mut loss = mean_error(seen, expected, penalty)?;
+    if let Some(share) = description.ssim.filter(|share| share.0 > 0.0) {
+        let structure = ssim_error(seen, expected, 1.0)?;
+        loss = (loss * (1.0 - share.0) as f32).try_add(structure * share.0 as f32)?;
+    }
+    if image.shape()[2] == 4 {
+        let mask = |all: Var<'t, f32>| all.slice(2, 3..4);
+        let weight = description.silhouette.map_or(0.0, |weight| weight.0) as f32;
+        let error = mean_error(mask(image)?, mask(target)?, penalty)?;
+        loss = loss.try_add(error * weight)?;
+    }
+    Ok(loss)
+}

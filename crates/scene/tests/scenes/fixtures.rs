@@ -1,0 +1,61 @@
+//! What the tests of scenes share: files of a folder, and pictures of scenes.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use bokashi_core::{Tape, Tensor};
+use bokashi_scene::{Picture, Place, Renderer, Samples, Scene, SceneFit, Values};
+
+/// Columns and rows of all images here.
+pub(crate) const SIZE: [usize; 2] = [24, 16];
+
+pub(crate) fn load(folder: &Path, text: &str) -> Scene {
+    let file = folder.join("scene.toml");
+    fs::write(&file, text).unwrap();
+    Scene::load(&file).unwrap()
+}
+
+/// An image of light and opacity that differ from pixel to pixel; as a file of floats the light is multiplied by
+/// the opacity.
+pub(crate) fn picture(is_float: bool) -> Picture {
+    let [width, height] = SIZE;
+    let sample = |k: usize| (7 * k + k / 96 * 5) % 256;
+    let count = 4 * width * height;
+    let opacity = |k: usize| sample(k / 4 * 4 + 3) as f32 / 255.0;
+    let samples = match is_float {
+        false => Samples::U8((0..count).map(|k| sample(k) as u8).collect()),
+        true => Samples::F32(
+            (0..count)
+                .map(|k| match k % 4 {
+                    3 => opacity(k),
+                    _ => sample(k) as f32 / 255.0 * opacity(k),
+                })
+                .collect(),
+        ),
+    };
+    Picture { width, height, channels: 4, samples }
+}
+
+pub(crate) fn png(folder: &Path) {
+    let place = Place::new("a.png");
+    fs::write(folder.join("a.png"), picture(false).encode_png(&place).unwrap()).unwrap();
+}
+
+pub(crate) fn furthest(a: &Tensor<f32>, b: &Tensor<f32>) -> f32 {
+    assert_eq!(a.shape(), b.shape());
+    a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+pub(crate) fn value(fit: &SceneFit, name: &str) -> Vec<f32> {
+    fit.parameters().value(name).unwrap().data().to_vec()
+}
+
+/// The light of a scene's first view.
+pub(crate) fn drawn(scene: Scene) -> Tensor<f32> {
+    let renderer = Renderer::new(Arc::new(scene)).unwrap();
+    let tape = Tape::new();
+    let values = Values { tape: &tape, learnt: None };
+    let view = renderer.draw(&values, 0, 1, false).unwrap();
+    renderer.image(&values, &view, 1).unwrap().value()
+}
