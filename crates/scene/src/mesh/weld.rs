@@ -143,7 +143,7 @@ impl Welder {
         &mut self,
         Corners { rows, faces }: &Corners<'_, 3>,
         place: &Place,
-    ) -> Result<(Vec<[f32; 3]>, Vec<[u32; 3]>), SceneError> {
+    ) -> Result<Positions, SceneError> {
         let (mut named, mut local) = self.pick(rows.len(), faces);
         // In the order of the file, where the corners had them in theirs.
         let mut order: Vec<u32> = (0..named.len() as u32).collect();
@@ -218,6 +218,9 @@ impl Welder {
         (named, faces)
     }
 }
+
+/// Positions, and for each face the numbers of those at its corners.
+type Positions = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
 /// Rows of an attribute, and for each face that is kept the rows at its corners.
 type Checked<'a, const N: usize> = (&'a [[f32; N]], Vec<[u32; 3]>);

@@ -184,13 +184,12 @@ fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
             }
             "properties" | "additionalProperties" => {
                 let keys = value.as_object().into_iter().flatten();
-                keys
-                    .flat_map(|(key, value)| match (&node["properties"][key], word.as_str()) {
-                        (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
-                        (Value::Null, _) | (_, "additionalProperties") => vec![],
-                        (below, _) => faults(root, below, value, &format!("{at}.{key}")),
-                    })
-                    .collect()
+                keys.flat_map(|(key, value)| match (&node["properties"][key], word.as_str()) {
+                    (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
+                    (Value::Null, _) | (_, "additionalProperties") => vec![],
+                    (below, _) => faults(root, below, value, &format!("{at}.{key}")),
+                })
+                .collect()
             }
             "required" => {
                 let keys = all("required");
