@@ -178,12 +178,12 @@ fn seconds_of_earlier_runs_count() {
 /// Every key of these tables, as `table.key`, from the schema that editors get.
 fn keys() -> BTreeSet<String> {
     let schema: Value = serde_json::from_str(&description::schema()).unwrap();
-    let properties = |schema: &Value| -> Vec<(String, Value)> {
-        let value = schema["properties"].as_object().unwrap();
-        value.iter().map(|(name, value)| (name.clone(), value.clone())).collect()
+    let properties = |node: &Value| -> Vec<(String, Value)> {
+        let properties = node["properties"].as_object().unwrap();
+        properties.iter().map(|(name, value)| (name.clone(), value.clone())).collect()
     };
-    let target = |schema: &Value| -> Value {
-        let choices = [&schema["$ref"], &schema["items"]["$ref"], &schema["anyOf"][0]["$ref"]];
+    let target = |node: &Value| -> Value {
+        let choices = [&node["$ref"], &node["items"]["$ref"], &node["anyOf"][0]["$ref"]];
         let name = choices.into_iter().find_map(Value::as_str);
         name.map_or(Value::Null, |name| schema["$defs"][name.rsplit('/').next().unwrap()].clone())
     };
@@ -197,7 +197,7 @@ fn keys() -> BTreeSet<String> {
             let key = format!("{table}.{name}");
             match inner["properties"].is_object() {
                 true => {
-                    all.extend(properties(&inner).iter().map(|(value, _)| format!("{key}.{value}")))
+                    all.extend(properties(&inner).iter().map(|(name, _)| format!("{key}.{name}")))
                 }
                 false => drop(all.insert(key)),
             }
