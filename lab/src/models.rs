@@ -9,14 +9,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use bokashi_report::{Cell, Table};
 use bokashi_scene::{
     Folder, Geometry, MeshKind, MeshOptions, Model, SceneError, glb, ply, read_model_bytes,
     read_model_with,
 };
 use glam::DVec3;
 use serde::Serialize;
-
-use crate::bench::{Cell, Table};
 
 /// The endings of names of mesh files.
 const FORMATS: [&str; 4] = ["obj", "ply", "gltf", "glb"];

@@ -1,7 +1,6 @@
 //! The circumstances of a run.
 
-use bokashi_paper::page::About;
-use bokashi_report::escaped;
+use bokashi_report::About;
 
 /// What a report says of this run of `program`.
 pub fn about(program: &str) -> About {
@@ -12,11 +11,4 @@ pub fn about(program: &str) -> About {
         command: format!("{program} {}", words.join(" ")).trim_end().to_owned(),
         threads: rayon::current_num_threads(),
     }
-}
-
-/// The last lines of a page of this run of `bokashi`, as HTML.
-pub(crate) fn footer() -> String {
-    let About { program, command, threads } = about("bokashi");
-    let [program, command] = [program, command].map(|text| escaped(&text));
-    format!("<p>{program}, {threads} threads: <code>{command}</code></p>")
 }

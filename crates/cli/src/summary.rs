@@ -1,8 +1,7 @@
 //! The last words of a run: what the fits reached, and how long they took.
 
-use std::fmt::Write as _;
-
 use bokashi_paper::{CubeSettings, Experiment, Outcome, Silhouettes};
+use bokashi_report::{Cell, Table, quartiles};
 
 /// What is kept of a fit for the summary.
 #[derive(Debug, Clone)]
@@ -34,33 +33,19 @@ impl Summary {
         });
     }
 
-    /// The rows, a heading first.
+    /// The rows, as Markdown.
     pub(crate) fn table(&self) -> String {
-        const HEADING: &str = "error at the end of";
-        let widths = self.lines.iter().map(|line| name(&line.settings).chars().count());
-        let width = widths.chain([HEADING.len()]).max().unwrap_or(0);
-        let mut text = format!(
-            "{HEADING:<width$}{:>7}{:>10}{:>10}{:>10}{:>9}{:>9}\n",
-            "seeds", "vertices", "sigma", "colours", "ms/step", "seconds"
-        );
+        let columns =
+            ["error at the end of", "seeds", "vertices", "sigma", "colours", "ms/step", "seconds"];
+        let mut table = Table::new("", "", &columns.map(|title| (title, "")));
         for group in self.lines.chunk_by(|a, b| alike(&a.settings, &b.settings)) {
             let median = |at: usize| median(group.iter().filter_map(|line| line.numbers[at]));
-            let error = |at| median(at).map_or("-".to_owned(), |number| format!("{number:.1e}"));
-            let time = |at| median(at).map_or("-".to_owned(), |number| format!("{number:.3}"));
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{:<width$}{:>7}{:>10}{:>10}{:>10}{:>9}{:>9}",
-                name(&group[0].settings),
-                group.len(),
-                error(0),
-                error(1),
-                error(2),
-                time(3),
-                time(4)
-            );
+            let mut row = vec![Cell::text(name(&group[0].settings)), Cell::Count(group.len())];
+            row.extend([0, 1, 2].map(|at| Cell::maybe(median(at))));
+            row.extend([3, 4].map(|at| Cell::maybe_time(median(at))));
+            table.push(row);
         }
-        text
+        table.markdown()
     }
 }
 
@@ -83,12 +68,10 @@ fn name(settings: &CubeSettings) -> String {
     format!("{what}, {}{silhouettes}", settings.preset)
 }
 
-/// The middle of some numbers, the mean of the two in the middle of an even number.
+/// The median, the mean of the two in the middle of an even number; `None` without numbers.
 pub fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = numbers.collect();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    Some(0.5 * (sorted[last / 2] + sorted[sorted.len() / 2]))
+    let mut numbers = numbers.peekable();
+    numbers.peek().is_some().then(|| quartiles(numbers)[1])
 }
 
 #[cfg(test)]
@@ -119,38 +102,11 @@ mod tests {
             summary.lines.push(Line { settings, numbers });
         }
         let table = summary.table();
-        let rows: Vec<Vec<&str>> =
-            table.lines().skip(1).map(|row| row.split_whitespace().collect()).collect();
-        assert_eq!(
-            rows,
-            [
-                [
-                    "5.1",
-                    "vertices,",
-                    "8",
-                    "px,",
-                    "paper",
-                    "2",
-                    "2.0e0",
-                    "-",
-                    "2.0e0",
-                    "0.030",
-                    "1.000"
-                ],
-                [
-                    "5.1",
-                    "vertices,",
-                    "16",
-                    "px,",
-                    "paper",
-                    "1",
-                    "5.0e0",
-                    "-",
-                    "5.0e0",
-                    "0.030",
-                    "1.000"
-                ]
-            ]
-        );
+        let rows: Vec<&str> = table.lines().skip(2).collect();
+        let expected = [
+            "| 5.1 vertices, 8 px, paper  | 2     | 2.00     | –     | 2.00    | 0.0300  | 1.00    |",
+            "| 5.1 vertices, 16 px, paper | 1     | 5.00     | –     | 5.00    | 0.0300  | 1.00    |",
+        ];
+        assert_eq!(rows, expected);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Figures are inline SVG, pictures are inline PNG; there is no font and no address to load, and
 //! no script but that of meshes to turn. Light and dark follow the reader's setting. Each page names the others that lie
-//! beside it: [`add_page`] brings those lines up to date whenever a page is added.
+//! beside it: [`Rendered::write`] brings those lines up to date whenever a page is added.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use crate::error::ReportError;
 use crate::figure::{GRID, INK, PALETTE, PALETTE_DARK};
 use crate::markup::escaped;
+use crate::section::Section;
 use crate::viewer::{VIEWER_SCRIPT, holds_viewer};
 use bokashi_write::{check_below, write_below};
 
@@ -38,60 +39,133 @@ pub fn style() -> String {
     format!("{STYLE}{}", dark_figures())
 }
 
-/// One page.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Document {
-    /// What a browser's tab says, as text.
-    pub title: String,
-    /// The heading, as text.
-    pub heading: String,
-    /// What the page shows, as HTML.
-    pub introduction: String,
-    /// The sections, in order; those without a body are left out.
-    pub sections: Vec<Section>,
-    /// Who made the page, as HTML.
-    pub footer: String,
+/// Circumstances of a report: who made it, and how.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct About {
+    /// The program and its version.
+    pub program: String,
+    /// The command that made the report.
+    pub command: String,
+    /// How many threads it had.
+    pub threads: usize,
 }
 
-/// A section of a page.
+/// One page, with the files beside it: a CSV file of each table that has a name, and others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Document {
+    /// The name of its file, without the ending: one of those that [`Rendered::write`] lists.
+    pub name: &'static str,
+    /// The heading, as text.
+    pub heading: String,
+    /// What the page shows, as text.
+    pub introduction: String,
+    /// The sections, in order; those that show nothing are left out.
+    pub sections: Vec<Section>,
+    /// Files beside it: paths below the folder, and contents.
+    pub files: Vec<(PathBuf, Vec<u8>)>,
+    /// Who made the page.
+    pub about: About,
+}
+
+/// A page and the files beside it, not yet written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Section {
-    /// Its anchor.
-    pub id: &'static str,
-    /// Its heading, as text.
-    pub title: &'static str,
-    /// What it shows, as HTML.
-    pub body: String,
+pub struct Rendered {
+    name: String,
+    /// The page, as HTML.
+    pub html: String,
+    /// Paths below the page's folder, and contents.
+    pub files: Vec<(PathBuf, Vec<u8>)>,
 }
 
 impl Document {
-    /// The page as HTML.
-    #[must_use]
-    pub fn html(&self) -> String {
+    /// Makes the page and the files beside it, in memory. The table `t` of the page `index` has the file
+    /// `t.csv`, that of another `page` the file `page-t.csv`.
+    ///
+    /// # Errors
+    /// [`ReportError::Figure`] where a figure can't be drawn.
+    pub fn render(&self) -> Result<Rendered, ReportError> {
+        let prefix = if self.name == "index" { "" } else { &format!("{}-", self.name) };
+        let tables = self.sections.iter().flat_map(Section::tables);
+        let tables = tables.filter(|table| !table.name.is_empty());
+        let tables = tables.map(|table| (format!("{prefix}{}.csv", table.name), table.csv()));
+        let tables = tables.map(|(name, csv)| (PathBuf::from(name), csv.into_bytes()));
+        let files: Vec<_> = tables.chain(self.files.iter().cloned()).collect();
+        let html = self.html(&files)?;
+        Ok(Rendered { name: format!("{}.html", self.name), html, files })
+    }
+
+    fn html(&self, files: &[(PathBuf, Vec<u8>)]) -> Result<String, ReportError> {
         let (mut contents, mut body) = (String::new(), String::new());
-        let views = self.sections.iter().any(|section| holds_viewer(&section.body));
-        let script =
-            if views { format!("<script>{VIEWER_SCRIPT}</script>") } else { String::new() };
-        for Section { id, title, body: section } in &self.sections {
-            if section.is_empty() {
-                continue;
+        for section in &self.sections {
+            let (id, title, html) = (section.id, escaped(section.title), section.html()?);
+            if !html.is_empty() {
+                let _ = write!(contents, "<li><a href=\"#{id}\">{title}</a>");
+                let _ = write!(body, "<section id=\"{id}\"><h2>{title}</h2>{html}</section>");
             }
-            let title = escaped(title);
-            let _ = write!(contents, "<li><a href=\"#{id}\">{title}</a>");
-            let _ = write!(body, "<section id=\"{id}\"><h2>{title}</h2>{section}</section>");
         }
-        format!(
+        let script = match holds_viewer(&body) {
+            true => format!("<script>{VIEWER_SCRIPT}</script>"),
+            false => String::new(),
+        };
+        let heading = escaped(&self.heading);
+        Ok(format!(
             "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-             <title>{}</title><style>{}</style></head><body>\
-             <header><h1>{}</h1><p>{}</p>{BESIDE}{END}<nav><ul>{contents}</ul></nav></header>\
-             <main>{body}</main><footer>{}</footer>{script}</body></html>\n",
-            escaped(&self.title),
+             <title>Bokashi: {heading}</title><style>{}</style></head><body>\
+             <header><h1>{heading}</h1><p>{}</p>{BESIDE}{END}<nav><ul>{contents}</ul></nav></header>\
+             <main>{body}</main><footer>{}{}</footer>{script}</body></html>\n",
             style(),
-            escaped(&self.heading),
-            self.introduction,
-            self.footer,
-        )
+            escaped(&self.introduction),
+            self.about.html(),
+            links(files),
+        ))
+    }
+}
+
+impl About {
+    /// As the last lines of a page.
+    fn html(&self) -> String {
+        let Self { program, command, threads } = self;
+        let [program, command] = [program, command].map(|text| escaped(text));
+        format!("<p>Made by {program}, {threads} threads: <code>{command}</code></p>")
+    }
+}
+
+/// Links to files beside a page, to a folder where they lie in one.
+fn links(files: &[(PathBuf, Vec<u8>)]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for (path, _) in files {
+        let mut parts = path.components().map(|part| part.as_os_str().to_string_lossy());
+        let first = parts.next().unwrap_or_default();
+        let name = if parts.next().is_some() { format!("{first}/") } else { first.into_owned() };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let link = |name: &String| format!("<a href=\"{name}\">{name}</a>", name = escaped(name));
+    match &names[..] {
+        [] => String::new(),
+        names => {
+            let links = names.iter().map(link).collect::<Vec<_>>().join(", ");
+            format!("<p>Files of this page: {links}</p>")
+        }
+    }
+}
+
+impl Rendered {
+    /// Writes the files and then the page into `folder`, which is made where it is missing. Every page of the
+    /// folder then names the others: `index.html`, `samples.html`, `bench.html`, `elision.html`, `stability.html`,
+    /// `stiff.html`. Returns the path of the page.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`] where the file system refuses, and where a link in the folder leads out of it.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, ReportError> {
+        for (name, bytes) in &self.files {
+            let failed = |error| ReportError::Write { path: folder.join(name), error };
+            write_below(folder, name, bytes).map_err(failed)?;
+        }
+        // The page last: whoever sees it finds the rest in place.
+        add_page(folder, &self.name, &self.html)
     }
 }
 
@@ -109,14 +183,8 @@ const PAGES: [(&str, &str); 6] = [
     ("stiff.html", "Stiff problems"),
 ];
 
-/// Writes `html` into `folder`, which is made where it is missing, under the name of one of the
-/// pages that a report's folder may hold: `index.html`, `samples.html`,
-/// `bench.html`, `elision.html`, `stability.html`, `stiff.html`. Then every page in the folder names the others. Returns the path
-/// of the page.
-///
-/// # Errors
-/// [`ReportError::Write`] where the file system refuses, and where a link in the folder leads out of it.
-pub fn add_page(folder: &Path, name: &str, html: &str) -> Result<PathBuf, ReportError> {
+/// Writes `html` into `folder` as one of [`PAGES`]: see [`Rendered::write`].
+fn add_page(folder: &Path, name: &str, html: &str) -> Result<PathBuf, ReportError> {
     debug_assert!(PAGES.iter().any(|&(page, _)| page == name), "{name} is no page of a report");
     let path = folder.join(name);
     let failed = |path: &Path| {
@@ -157,24 +225,30 @@ fn naming<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::{Cell, Table};
 
-    fn document(heading: &str) -> String {
-        let section = |id, body: &str| Section { id, title: "A & B", body: body.to_owned() };
-        Document {
-            title: "<title>".to_owned(),
+    fn document(name: &'static str, heading: &str) -> Rendered {
+        let mut one = Section::new("one", "A & B", "");
+        one.push_html("<p>1</p>");
+        let mut table = Table::new("t", "", &[("a", "a")]);
+        table.push(vec![Cell::Count(1)]);
+        one.push_table(table);
+        let document = Document {
+            name,
             heading: heading.to_owned(),
-            introduction: String::new(),
-            sections: vec![section("one", "<p>1</p>"), section("none", "")],
-            footer: String::new(),
-        }
-        .html()
+            introduction: "a < b".to_owned(),
+            sections: vec![one, Section::new("none", "A & B", "")],
+            files: vec![("more/1.png".into(), Vec::new()), ("more/2.png".into(), Vec::new())],
+            about: About { command: "<c>".to_owned(), ..About::default() },
+        };
+        document.render().expect("no figure")
     }
 
     #[test]
     fn text_is_escaped_and_empty_sections_are_left_out() {
-        let html = document("1 < 2");
-        assert!(html.contains("<title>&lt;title&gt;</title>") && html.contains("1 &lt; 2"));
-        assert!(html.contains("<h2>A &amp; B</h2><p>1</p>"));
+        let html = document("index", "1 < 2").html;
+        assert!(html.contains("<title>Bokashi: 1 &lt; 2</title>") && html.contains("a &lt; b"));
+        assert!(html.contains("<h2>A &amp; B</h2><p>1</p>") && html.contains("<code>&lt;c&gt;"));
         assert!(!html.contains("id=\"none\""));
     }
 
@@ -183,15 +257,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path().join("new");
         let read = |name| fs::read_to_string(folder.join(name)).unwrap();
-        add_page(&folder, "stability.html", &document("cases")).unwrap();
+        document("stability", "cases").write(&folder).unwrap();
+        assert_eq!(read("stability-t.csv"), "a\n1\n");
+        let links = "<a href=\"stability-t.csv\">stability-t.csv</a>, <a href=\"more/\">more/</a>";
+        assert!(read("stability.html").contains(links) && folder.join("more/2.png").exists());
         assert!(!read("stability.html").contains("Beside this page"));
         // A page of someone else's is left alone.
         fs::write(folder.join("stiff.html"), "mine").unwrap();
-        add_page(&folder, "index.html", &document("fits")).unwrap();
+        document("index", "fits").write(&folder).unwrap();
         assert!(read("index.html").contains("<a href=\"stability.html\">Extreme cases</a>"));
         let once = read("stability.html");
         assert!(once.contains("<a href=\"index.html\">Fits</a>"));
-        add_page(&folder, "index.html", &document("fits")).unwrap();
+        document("index", "fits").write(&folder).unwrap();
         assert_eq!((read("stability.html"), read("stiff.html")), (once, "mine".to_owned()));
     }
 }

@@ -17,6 +17,8 @@ use plotters::style::Color;
 
 use crate::axis::{Axis, Scale};
 use crate::error::ReportError;
+use crate::markup::escaped;
+use crate::quartiles::quartiles;
 
 /// Colours of the curves, after Okabe and Ito: told apart by colour-blind eyes and in grey.
 pub const PALETTE: [&str; 7] =
@@ -34,7 +36,7 @@ pub(crate) const GRID: [&str; 2] = ["#E4E4EA", "#2E3038"];
 
 /// Drawn sizes, for two panels in a row and for three: twice the nominal ones, since the backend
 /// rounds to whole units. Text has the same drawn height in both.
-pub const SIZES: [(u32, u32); 2] = [(880, 600), (680, 560)];
+pub(crate) const SIZES: [(u32, u32); 2] = [(880, 600), (680, 560)];
 /// Height of the text of the axes, in drawn units.
 const TEXT: u32 = 32;
 /// Radius of a dot, in drawn units.
@@ -56,7 +58,7 @@ pub enum Stroke {
 }
 
 /// A line, and the band around it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     /// Index into the palette, taken modulo its length.
     pub color: usize,
@@ -68,19 +70,51 @@ pub struct Curve {
     pub points: Vec<[f64; 4]>,
 }
 
+impl Curve {
+    /// A line without dots through `points`, each `[x, low, middle, high]`, by ascending `x`.
+    pub fn new(color: usize, stroke: Stroke, points: Vec<[f64; 4]>) -> Self {
+        Self { color, stroke, dots: false, points }
+    }
+
+    /// The same without a band, through points `(x, y)`.
+    pub fn line(
+        color: usize,
+        stroke: Stroke,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        Self::new(color, stroke, points.into_iter().map(|(x, y)| [x, y, y, y]).collect())
+    }
+
+    /// The medians of several lines, point by point, with the quartiles of their heights as a band. A line has
+    /// points `[x, y]`, as many as the others.
+    pub fn medians(color: usize, lines: &[&[[f64; 2]]]) -> Self {
+        let count = lines.iter().map(|line| line.len()).min().unwrap_or(0);
+        let point = |at: usize| {
+            let column = |entry: usize| quartiles(lines.iter().map(|line| line[at][entry]));
+            let ([_, x, _], [low, middle, high]) = (column(0), column(1));
+            [x, low, middle, high]
+        };
+        Self::new(color, Stroke::Solid, (0..count).map(point).collect())
+    }
+
+    /// The same line with a dot at each point.
+    #[must_use]
+    pub fn with_dots(self) -> Self {
+        Self { dots: true, ..self }
+    }
+}
+
 /// One panel.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
+    /// What is shown, with its unit.
+    pub title: String,
     /// The horizontal axis.
     pub x: Scale,
-    /// The vertical axis.
-    pub y: Scale,
     /// What the horizontal axis shows, with its unit.
     pub x_title: &'static str,
-    /// One of [`SIZES`].
-    pub size: (u32, u32),
-    /// What the panel shows, for readers who hear the page.
-    pub spoken: String,
+    /// The vertical axis.
+    pub y: Scale,
     /// The lines.
     pub curves: Vec<Curve>,
     /// Values marked by a thin horizontal line: the truth that lines should reach.
@@ -88,20 +122,32 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// A panel without marks; the horizontal axis comes with what it shows.
+    pub fn new(
+        title: impl Into<String>,
+        (x, x_title): (Scale, &'static str),
+        y: Scale,
+        curves: impl IntoIterator<Item = Curve>,
+    ) -> Self {
+        let (title, curves) = (title.into(), curves.into_iter().collect());
+        Self { title, x, x_title, y, curves, marks: Vec::new() }
+    }
+
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
         self.curves.iter().all(|curve| self.runs(curve).is_empty())
     }
 
-    /// The panel as an SVG element that fills the width it is given.
-    pub fn svg(&self) -> Result<String, ReportError> {
+    /// The panel as an SVG element that fills the width it is given, drawn in one of [`SIZES`]. Readers who
+    /// hear the page are told its title and axis.
+    pub(crate) fn svg(&self, size: (u32, u32)) -> Result<String, ReportError> {
         let (x, y) = (self.axis(self.x, 0..1), self.axis(self.y, 1..4));
         let mut text = String::new();
         {
-            let root = SVGBackend::with_string(&mut text, self.size).into_drawing_area();
+            let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
             self.draw(&root, &x, &y).map_err(|error| ReportError::Figure(error.to_string()))?;
         }
-        Ok(self.finish(&text))
+        Ok(self.finish(&text, size))
     }
 
     /// The axis over the entries `columns` of all points.
@@ -182,10 +228,9 @@ impl Figure {
     }
 
     /// Makes the backend's file an element of a page: fluid, named, with its dashes.
-    fn finish(&self, text: &str) -> String {
+    fn finish(&self, text: &str, (width, height): (u32, u32)) -> String {
         let body = text.find('>').map_or("", |at| &text[at + 1..]);
-        let spoken = self.spoken.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
-        let (width, height) = self.size;
+        let spoken = escaped(&format!("{}, against {}", self.title, self.x_title));
         let head =
             format!("<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{spoken}\">");
         dashed(&format!("{head}{}", body.replace(" \"/>", "\"/>").replace('\n', "")))
@@ -213,23 +258,14 @@ mod tests {
     use super::*;
 
     fn figure(y: Scale, points: Vec<[f64; 4]>) -> Figure {
-        let curves = vec![Curve { color: 0, stroke: Stroke::Dashed, dots: false, points }];
-        let spoken = "a \"quoted\" <name>".to_owned();
-        Figure {
-            x: Scale::Seconds,
-            y,
-            x_title: "time",
-            size: SIZES[0],
-            spoken,
-            curves,
-            marks: Vec::new(),
-        }
+        let curve = Curve::new(0, Stroke::Dashed, points);
+        Figure::new("a \"quoted\" <name>", (Scale::Seconds, "time"), y, [curve])
     }
 
     #[test]
     fn zeros_lie_on_the_floor_and_its_label_says_so() {
         let svg = figure(Scale::Logarithmic, vec![[0.1, 1.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1e-3]]);
-        let svg = svg.svg().expect("a figure with zeros");
+        let svg = svg.svg(SIZES[0]).expect("a figure with zeros");
         assert!(svg.contains("≤10⁻³"), "{svg}");
         assert!(svg.contains("stroke-dasharray"), "{svg}");
     }
@@ -237,9 +273,9 @@ mod tests {
     #[test]
     fn every_measurement_has_its_dot_where_dots_are_asked_for() {
         let mut figure = figure(Scale::Linear, vec![[1.0; 4], [2.0, f64::NAN, 1.0, 1.0], [3.0; 4]]);
-        assert!(!figure.svg().expect("lines").contains("<circle"));
+        assert!(!figure.svg(SIZES[0]).expect("lines").contains("<circle"));
         figure.curves[0].dots = true;
-        assert_eq!(figure.svg().expect("dots").matches("<circle").count(), 2);
+        assert_eq!(figure.svg(SIZES[0]).expect("dots").matches("<circle").count(), 2);
     }
 
     #[test]
@@ -251,7 +287,7 @@ mod tests {
             for scale in [Scale::Linear, Scale::Logarithmic] {
                 let points =
                     vec![[1.0, 0.1, 0.1, 0.1], [2.0, 0.1, value, 0.1], [3.0, 0.2, 0.2, 0.2]];
-                let svg = figure(scale, points).svg().expect("a figure with gaps");
+                let svg = figure(scale, points).svg(SIZES[0]).expect("a figure with gaps");
                 assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
                 assert_eq!(svg.matches("stroke-dasharray").count(), 2, "the line is cut");
             }
@@ -260,7 +296,8 @@ mod tests {
 
     #[test]
     fn a_name_cannot_break_the_page() {
-        let svg = figure(Scale::Linear, vec![[1.0, 1.0, 1.0, 1.0]]).svg().expect("a figure");
-        assert!(svg.contains("a &quot;quoted&quot; &lt;name>"), "{svg}");
+        let svg =
+            figure(Scale::Linear, vec![[1.0, 1.0, 1.0, 1.0]]).svg(SIZES[0]).expect("a figure");
+        assert!(svg.contains("a &quot;quoted&quot; &lt;name&gt;, against time"), "{svg}");
     }
 }

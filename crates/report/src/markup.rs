@@ -17,3 +17,8 @@ pub fn data_uri(png: &[u8]) -> String {
 pub(crate) fn base64(bytes: &[u8]) -> String {
     STANDARD.encode(bytes)
 }
+
+/// HTML that is folded away under a summary, which is text.
+pub(crate) fn folded(summary: &str, html: &str) -> String {
+    format!("<details><summary>{}</summary>{html}</details>", escaped(summary))
+}

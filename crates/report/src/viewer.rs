@@ -149,7 +149,8 @@ mod tests {
     use base64::engine::general_purpose::STANDARD;
 
     use super::*;
-    use crate::document::{Document, Section};
+    use crate::document::{About, Document};
+    use crate::section::Section;
 
     const UNIT: [f32; 16] =
         [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -220,11 +221,17 @@ mod tests {
     fn a_page_carries_the_script_once_where_it_holds_a_viewer_and_else_never() {
         let block = viewer(&[mesh()], "a mesh").expect("the parts fit");
         let page = |body: &str| {
-            let section = |id| Section { id, title: "A section", body: body.to_owned() };
-            let (title, heading) = ("title".to_owned(), "heading".to_owned());
-            let (introduction, footer) = (String::new(), String::new());
-            let sections = vec![section("one"), section("two")];
-            Document { title, heading, introduction, sections, footer }.html()
+            let section = |id| {
+                let mut section = Section::new(id, "A section", "");
+                section.push_html(body);
+                section
+            };
+            let (heading, introduction) = ("heading".to_owned(), String::new());
+            let (sections, files) = (vec![section("one"), section("two")], Vec::new());
+            let about = About::default();
+            let document =
+                Document { name: "index", heading, introduction, sections, files, about };
+            document.render().expect("no figure").html
         };
         assert_eq!(page(&block).matches(VIEWER_SCRIPT).count(), 1);
         assert!(!page("<p>no mesh</p>").contains("<script"));

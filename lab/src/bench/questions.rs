@@ -1,6 +1,7 @@
 //! All studies, one after the other.
 
 use bokashi_fit::FitError;
+use bokashi_report::{Cell, Section, Table, wrapped};
 use serde_json::{Map, Value, json};
 
 use crate::bench::effort::Effort;
@@ -8,7 +9,6 @@ use crate::bench::machine::Machine;
 use crate::bench::mesh_file::MeshFile;
 use crate::bench::setting::{Bench, Peer, method};
 use crate::bench::studies;
-use crate::bench::study::{Study, wrapped};
 
 /// The names of all studies.
 pub const STUDIES: [&str; studies::ALL.len()] = {
@@ -32,7 +32,7 @@ pub fn bench(
     peers: Vec<Peer>,
     meshes: Vec<MeshFile>,
     on_study: &mut dyn FnMut(&str),
-) -> Result<Vec<Study>, FitError> {
+) -> Result<Vec<Section>, FitError> {
     let bench = Bench { peers, meshes, ..Bench::new(effort)? };
     let has_meshes = effort == Effort::Quick || !bench.meshes.is_empty();
     let mut found = Vec::new();
@@ -48,7 +48,7 @@ pub fn bench(
 }
 
 /// All tables, as Markdown.
-pub fn markdown(studies: &[Study], effort: Effort) -> String {
+pub fn markdown(studies: &[Section], effort: Effort) -> String {
     let mut text = wrapped(&method(effort)) + "\n";
     for study in studies {
         text.push_str(&format!("\n{}", study.markdown()));
@@ -58,17 +58,49 @@ pub fn markdown(studies: &[Study], effort: Effort) -> String {
 
 /// Everything found, as one JSON object: the machine, whether the run was quick, and per study its
 /// tables as lists of objects.
-pub fn json(studies: &[Study], effort: Effort) -> Value {
-    let of = |study: &Study| {
+pub fn json(studies: &[Section], effort: Effort) -> Value {
+    let of = |study: &Section| {
         let tables: Map<String, Value> =
-            study.tables.iter().map(|table| (table.name.to_owned(), table.json())).collect();
-        json!({
-            "study": study.id, "title": study.title, "failures": study.failures, "tables": tables,
-        })
+            study.tables().map(|table| (table.name.to_owned(), rows(table))).collect();
+        let failures: Vec<_> = study.failures().collect();
+        json!({ "study": study.id, "title": study.title, "failures": failures, "tables": tables })
     };
     json!({
         "machine": Machine::here(),
         "quick": effort == Effort::Quick,
         "studies": studies.iter().map(of).collect::<Vec<_>>(),
     })
+}
+
+/// The rows of a table as a list of objects.
+fn rows(table: &Table) -> Value {
+    let value = |cell: &Cell| match cell {
+        Cell::Text(words) | Cell::Strong(words) | Cell::Flagged(words) => words.as_str().into(),
+        Cell::Count(count) => (*count).into(),
+        // Infinity and NaN become null.
+        Cell::Number(number, _) | Cell::Time(number) => (*number).into(),
+        Cell::Nothing => Value::Null,
+    };
+    let object = |row: &Vec<Cell>| {
+        let keys = table.columns.iter().map(|(_, key)| (*key).to_owned());
+        Value::Object(keys.zip(row.iter().map(value)).collect::<Map<_, _>>())
+    };
+    table.rows.iter().map(object).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_all_digits_and_nothing_where_there_is_no_number() {
+        let mut table = Table::new("speed", "Speed", &[("scene", "scene"), ("ms", "ms")]);
+        table.push(vec![Cell::text("a"), Cell::number(0.012345)]);
+        table.push(vec![Cell::Nothing, Cell::Number(f64::NAN, "*")]);
+        table.push(vec![Cell::Count(7), Cell::Time(1.5)]);
+        let expected = json!([
+            { "scene": "a", "ms": 0.012345 }, { "scene": null, "ms": null }, { "scene": 7, "ms": 1.5 }
+        ]);
+        assert_eq!(rows(&table), expected);
+    }
 }

@@ -10,6 +10,7 @@ use std::cmp::Ordering;
 use std::time::Instant;
 
 use bokashi_fit::FitError;
+use bokashi_report::Cell;
 use rayon::ThreadPool;
 
 use crate::bench::effort::{ENOUGH_SAMPLES, Effort};
@@ -42,6 +43,9 @@ impl<'a> Contestant<'a> {
     }
 }
 
+/// Stands beside figures that come from fewer samples than are enough.
+pub(crate) const FEW_SAMPLES: &str = "*";
+
 /// The time of a step, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Timing {
@@ -64,6 +68,11 @@ impl Timing {
             upper_quartile: at(0.75),
             samples: seconds.len(),
         }
+    }
+
+    /// A figure of this time as the cell of a table, marked where it has few samples.
+    pub(crate) fn cell(&self, figure: f64) -> Cell {
+        Cell::Number(figure, if self.has_enough_samples() { "" } else { FEW_SAMPLES })
     }
 
     /// The distance between the quartiles, as a share of the median.

@@ -46,15 +46,22 @@ pub(crate) enum Command {
     Models(ModelsArguments),
 }
 
+/// Where what was found is written.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Files {
+    /// File for what was found as JSON; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page and its CSV files to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
 /// The options of `stability`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct StabilityArguments {
-    /// File for the rows as a JSON list; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder of the report to add a page to [default: no page]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: Files,
     /// Threads [default: one per core]; results are the same bits for any number
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
@@ -69,12 +76,8 @@ pub(crate) struct StiffArguments {
     /// Threads [default: one per core]; results are the same bits for any number
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
-    /// File for every run as a JSON list; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder for the page stiff.html and stiff.csv
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: Files,
     /// No progress bar and no tables
     #[arg(long)]
     pub(crate) quiet: bool,
@@ -97,7 +100,7 @@ pub(crate) struct BenchArguments {
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) files: BenchFiles,
+    pub(crate) options: BenchOptions,
 }
 
 /// What to bench other than everything.
@@ -107,18 +110,14 @@ pub(crate) enum BenchCommand {
     /// are the same to the bit.
     ///
     /// Prints a table as Markdown; ends with status 1 if any result differs.
-    Elision(BenchFiles),
+    Elision(BenchOptions),
 }
 
-/// Where a bench writes, and how much it measures.
+/// How much a bench measures, and where it writes.
 #[derive(Debug, Clone, Args)]
-pub(crate) struct BenchFiles {
-    /// File for what was found as JSON; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder of the report to add a page and CSV files to [default: no page]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
+pub(crate) struct BenchOptions {
+    #[command(flatten)]
+    pub(crate) files: Files,
     /// Small sizes and three samples each, to see that all of it runs: the times mean nothing
     #[arg(long)]
     pub(crate) quick: bool,
@@ -140,39 +139,29 @@ pub(crate) struct ModelsArguments {
 }
 
 impl BenchArguments {
-    /// The files of whatever is asked for.
-    fn files(&self) -> &BenchFiles {
+    /// The options of whatever is asked for.
+    fn options(&self) -> &BenchOptions {
         match &self.command {
-            None => &self.files,
-            Some(BenchCommand::Elision(files)) => files,
+            None => &self.options,
+            Some(BenchCommand::Elision(options)) => options,
         }
     }
 
     /// Whether nothing is left to do for want of a mesh file.
     fn lacks_a_mesh(&self) -> bool {
-        let has_meshes = self.files.quick || !self.mesh.is_empty();
+        let has_meshes = self.options.quick || !self.mesh.is_empty();
         !has_meshes && !self.only.is_empty() && self.only.iter().all(|study| study == MESHES)
     }
 }
 
 impl Request {
-    /// Where the page goes; `None`: there is none.
-    pub(crate) fn out(&self) -> Option<&Path> {
+    /// Where what was found is written.
+    pub(crate) fn files(&self) -> Files {
         match &self.command {
-            Command::Stability(stability) => stability.out.as_deref(),
-            Command::Stiff(stiff) => stiff.out.as_deref(),
-            Command::Bench(bench) => bench.files().out.as_deref(),
-            Command::Models(_) => None,
-        }
-    }
-
-    /// Where what was found goes as JSON.
-    pub(crate) fn json(&self) -> Option<&Path> {
-        match &self.command {
-            Command::Stability(stability) => stability.json.as_deref(),
-            Command::Stiff(stiff) => stiff.json.as_deref(),
-            Command::Bench(bench) => bench.files().json.as_deref(),
-            Command::Models(models) => models.json.as_deref(),
+            Command::Stability(stability) => stability.files.clone(),
+            Command::Stiff(stiff) => stiff.files.clone(),
+            Command::Bench(bench) => bench.options().files.clone(),
+            Command::Models(models) => Files { json: models.json.clone(), out: None },
         }
     }
 
@@ -222,6 +211,12 @@ mod tests {
         }
     }
 
+    /// The folder, the JSON and the threads that are asked for.
+    fn written(request: &Request) -> (Option<PathBuf>, Option<PathBuf>, Option<usize>) {
+        let Files { json, out } = request.files();
+        (out, json, request.threads())
+    }
+
     #[test]
     fn the_parser_itself_is_sound() {
         Request::command().debug_assert();
@@ -230,20 +225,18 @@ mod tests {
     #[test]
     fn the_grid_writes_nothing_unless_asked() {
         let request = read("stability").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        assert_eq!(written(&request), (None, None, None));
         let request = read("stability --json - --out a --threads 3").expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("-".as_ref())));
-        assert_eq!(request.threads(), Some(3));
+        assert_eq!(written(&request), (Some("a".into()), Some("-".into()), Some(3)));
     }
 
     #[test]
     fn stiff_writes_only_what_it_is_asked_for() {
         let request = read("stiff").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        assert_eq!(written(&request), (None, None, None));
         let line = "stiff --seeds 3 --threads 2 --json a.json --out b --quiet";
         let request = read(line).expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("b".as_ref()), Some("a.json".as_ref())));
-        assert_eq!(request.threads(), Some(2));
+        assert_eq!(written(&request), (Some("b".into()), Some("a.json".into()), Some(2)));
         let Command::Stiff(stiff) = request.command else { panic!("stiff") };
         assert!(stiff.seeds == 3 && stiff.quiet);
     }
@@ -251,25 +244,25 @@ mod tests {
     #[test]
     fn a_bench_has_its_files_and_its_elision_its_own() {
         let request = read("bench").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        assert_eq!(written(&request), (None, None, None));
         let request =
             read("bench --quick --out a --json b --peers c --peers d --only blur --mesh e")
                 .expect("all");
         let files =
             [("--peers", "c".as_ref()), ("--peers", "d".as_ref()), ("--mesh", "e".as_ref())];
         assert_eq!(request.read(), files);
-        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("b".as_ref())));
+        assert_eq!(written(&request), (Some("a".into()), Some("b".into()), None));
         let Command::Bench(bench) = request.command else { panic!("bench") };
-        assert!(bench.files.quick && bench.command.is_none());
+        assert!(bench.options.quick && bench.command.is_none());
         assert_eq!((bench.peers, bench.only), (vec!["c".into(), "d".into()], vec!["blur".into()]));
         let request = read("bench elision --out a --json -").expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("-".as_ref())));
+        assert_eq!(written(&request), (Some("a".into()), Some("-".into()), None));
     }
 
     #[test]
     fn models_may_be_expected() {
         let request = read("models a --expect obj=18/25 --expect ply=4/9").expect("all of them");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        assert_eq!(written(&request), (None, None, None));
         let Command::Models(models) = request.command else { panic!("models") };
         let formats: Vec<_> = models.expect.iter().map(|expected| expected.format).collect();
         assert_eq!((models.folder.as_path(), formats), ("a".as_ref(), vec!["obj", "ply"]));

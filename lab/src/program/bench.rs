@@ -1,40 +1,34 @@
 //! The commands `bench` and `bench elision`: times beside errors, and what is left out.
 
 use std::io;
-use std::path::Path;
-use std::sync::PoisonError;
 
-use bokashi_cli::about::about;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
-use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_report::{ReportError, escaped};
 use indicatif::ProgressBar;
 
-use super::arguments::{BenchArguments, BenchCommand, BenchFiles};
+use super::arguments::{BenchArguments, BenchCommand, BenchOptions};
+use super::files::failed;
 use crate::bench::{
-    Effort, bench, elision, elision_markdown, json, markdown, read_mesh, read_peers,
-    write_elision_page, write_page,
+    Effort, bench, elision, elision_page, elision_section, json, markdown, page, read_mesh,
+    read_peers,
 };
 
 /// Does what was asked for.
 pub(crate) fn run(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure> {
     match &arguments.command {
         None => studies(arguments, writing),
-        Some(BenchCommand::Elision(files)) => left_out(files, writing),
+        Some(BenchCommand::Elision(options)) => left_out(options, writing),
     }
 }
 
-fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::Work(error.to_string())
-}
-
-fn effort(files: &BenchFiles) -> Effort {
-    if files.quick { Effort::Quick } else { Effort::Full }
+impl BenchOptions {
+    fn effort(&self) -> Effort {
+        if self.quick { Effort::Quick } else { Effort::Full }
+    }
 }
 
 fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure> {
-    let files = &arguments.files;
+    let effort = arguments.options.effort();
     let mut peers = Vec::new();
     for file in &arguments.peers {
         let said = |error: io::Error| {
@@ -56,50 +50,22 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
         bar.set_message(name.to_owned());
         bar.tick();
     };
-    let found = bench(effort(files), &arguments.only, peers, meshes, on_study).map_err(failed)?;
+    let found = bench(effort, &arguments.only, peers, meshes, on_study).map_err(failed)?;
     bar.finish_and_clear();
-    let json = serde_json::to_string(&json(&found, effort(files))).map_err(failed)?;
-    let text = markdown(&found, effort(files));
-    let page = |out: &Path| write_page(&found, effort(files), &footer(), out);
-    write(files, &json, &text, page, writing)
+    let (text, json) = (markdown(&found, effort), json(&found, effort));
+    arguments.options.files.write(&json, &text, |about| page(found, effort, about), writing)
 }
 
-fn left_out(files: &BenchFiles, writing: &Writing) -> Result<(), Failure> {
-    let rows = elision(effort(files)).map_err(failed)?;
-    let json = serde_json::to_string(&rows).map_err(failed)?;
-    let text = elision_markdown(&rows, effort(files));
-    let page = |out: &Path| write_elision_page(&rows, effort(files), &footer(), out);
-    write(files, &json, &text, page, writing)?;
+fn left_out(options: &BenchOptions, writing: &Writing) -> Result<(), Failure> {
+    let effort = options.effort();
+    let rows = elision(effort).map_err(failed)?;
+    let section = elision_section(&rows);
+    let text = markdown(std::slice::from_ref(&section), effort);
+    options.files.write(&rows, &text, |about| elision_page(section, effort, about), writing)?;
     match rows.iter().find(|row| !row.bitwise_equal()) {
         None => Ok(()),
         Some(row) => {
-            Err(Failure::Work(format!("{}: results differ from those with it computed", row.row)))
+            Err(failed(format!("{}: results differ from those with it computed", row.row)))
         }
     }
-}
-
-fn footer() -> String {
-    let about = about("bokashi-lab");
-    format!("Made by {}: <code>{}</code>.", escaped(&about.program), escaped(&about.command))
-}
-
-/// Writes and says what was asked for.
-fn write(
-    files: &BenchFiles,
-    json: &str,
-    text: &str,
-    page: impl FnOnce(&Path) -> Result<std::path::PathBuf, ReportError>,
-    writing: &Writing,
-) -> Result<(), Failure> {
-    let held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-    let only_json = files.json.as_ref().is_some_and(|file| is_standard_output(file));
-    if let Some(file) = &files.json {
-        say_json(file, json)?;
-    }
-    let mut last = String::new();
-    if let Some(out) = &files.out {
-        last = format!("\nPage: {}\n", page(out).map_err(failed)?.display());
-    }
-    drop(held);
-    if only_json { Ok(()) } else { say(&format!("{text}{last}")) }
 }

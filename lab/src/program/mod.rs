@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod files;
 mod models;
 mod run;
 mod stability;

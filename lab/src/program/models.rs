@@ -4,14 +4,18 @@ use std::sync::PoisonError;
 
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
-use bokashi_cli::output::{is_standard_output, say, say_json};
+use bokashi_cli::output::say;
 use indicatif::ProgressBar;
 
-use super::arguments::ModelsArguments;
+use super::arguments::{Files, ModelsArguments};
 use crate::models::{markdown, walk, wrong};
 
 /// Loads all of them; a broken one, or counts that nobody expects, are a failure of the program.
-pub(crate) fn run(arguments: &ModelsArguments, writing: &Writing) -> Result<(), Failure> {
+pub(crate) fn run(
+    arguments: &ModelsArguments,
+    files: &Files,
+    writing: &Writing,
+) -> Result<(), Failure> {
     // Where standard error is no terminal there is no bar.
     let bar = ProgressBar::new_spinner();
     let found = walk(&arguments.folder, &mut |path| {
@@ -20,13 +24,8 @@ pub(crate) fn run(arguments: &ModelsArguments, writing: &Writing) -> Result<(), 
     });
     bar.finish_and_clear();
     let found = found.map_err(|error| Failure::Use(format!("models needs a folder: {error}")))?;
-    let json = arguments.json.as_deref();
-    if let Some(file) = json {
-        let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-        let text = serde_json::to_string(&found);
-        say_json(file, &text.map_err(|error| Failure::Work(format!("no JSON: {error}")))?)?;
-    }
-    if !json.is_some_and(is_standard_output) {
+    files.write_json(&found, &writing.lock().unwrap_or_else(PoisonError::into_inner))?;
+    if !files.is_json_alone() {
         say(&markdown(&found))?;
     }
     match wrong(&found, &arguments.expect) {

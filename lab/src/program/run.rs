@@ -12,26 +12,27 @@ use super::{bench, models, stability, stiff};
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     let report: &[&str] = match &request.command {
         Command::Stability(_) => &["stability.html"],
-        Command::Stiff(_) => &["stiff.html", "stiff.csv"],
+        Command::Stiff(_) => &["stiff.html", "stiff-runs.csv"],
         Command::Bench(bench) if bench.command.is_none() => &["bench.html"],
         Command::Bench(_) => &["elision.html", "elision-rows.csv"],
         Command::Models(_) => &[],
     };
+    let files = request.files();
     Places {
-        out: request.out(),
+        out: files.out.as_deref(),
         is_out_named: true,
         report,
-        files: request.json().map(|file| ("--json", file)).into_iter().collect(),
+        files: files.json.as_deref().map(|file| ("--json", file)).into_iter().collect(),
         read: request.read(),
     }
     .check()?;
     let writing = Writing::default();
     end_when_interrupted(&writing, None)?;
     match &request.command {
-        Command::Stability(arguments) => {
+        Command::Stability(_) => {
             // Its cases run in threads of their own.
             start_threads_apart(request.threads())?;
-            stability::run(arguments, &writing)
+            stability::run(&files, &writing)
         }
         Command::Stiff(arguments) => {
             start_threads(request.threads())?;
@@ -41,6 +42,6 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
             start_threads(request.threads())?;
             bench::run(arguments, &writing)
         }
-        Command::Models(arguments) => models::run(arguments, &writing),
+        Command::Models(arguments) => models::run(arguments, &files, &writing),
     }
 }

@@ -1,6 +1,6 @@
 //! Optimizers against stiff problems: error against time and against gradient evaluations.
 //!
-//! [`study()`] runs every optimizer on every problem; [`table()`] and [`write_page`] show what it found.
+//! [`study()`] runs every optimizer on every problem; [`markdown`] and [`page()`] show what it found.
 
 mod conditioning;
 mod evaluator;
@@ -17,8 +17,7 @@ pub mod problems;
 pub use conditioning::{Conditioning, conditioning};
 pub use ledger::{Budget, Counts, Halt, LEVELS, Moment, TARGET};
 pub use optimizers::{Method, Outcome, RATES, Run, run};
-pub use page::write_page;
+pub use page::{markdown, page};
 pub use problem::{Family, Problem, Residuals};
 pub use profile::{Cost, Solver, profiles, share_within, shares, solvers};
 pub use study::{Study, StudySettings, study};
-pub use table::table;

@@ -1,41 +1,12 @@
-//! A trial as text, 80 columns wide.
+//! A trial as tables.
 
-use std::fmt::Write as _;
+use bokashi_report::{Cell, Table};
 
 use super::conditioning::Conditioning;
 use super::ledger::LEVELS;
 use super::optimizers::{Outcome, Run};
-use super::problem::Family;
-use super::profile::{Solver, shares, solvers};
+use super::profile::{Solver, shares};
 use super::study::Study;
-
-/// The whole trial in words and numbers.
-pub fn table(study: &Study) -> String {
-    let mut text = String::new();
-    for (family, title) in [
-        (Family::Literature, "More, Garbow and Hillstrom, and a rotated quadratic"),
-        (Family::Scene, "Our scenes, six fixed poses at 16 px"),
-    ] {
-        let runs: Vec<&Run> = study.runs.iter().filter(|run| run.family == family).collect();
-        if runs.is_empty() {
-            continue;
-        }
-        let solvers = solvers(runs.iter().copied());
-        let problems = solvers[0].runs.len();
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{title}: {problems} problems\n");
-        text.push_str(&shares_table(&solvers));
-        text.push('\n');
-        text.push_str(&problem_table(&solvers));
-        text.push('\n');
-    }
-    text.push_str(&endings(study));
-    if !study.conditionings.is_empty() {
-        text.push('\n');
-        text.push_str(&condition_table(study));
-    }
-    text
-}
 
 /// Whether the optimizer was tried at several rates.
 fn has_rates(solver: &Solver<'_>) -> bool {
@@ -43,26 +14,23 @@ fn has_rates(solver: &Solver<'_>) -> bool {
 }
 
 /// The share of problems that each optimizer solves to each level.
-pub(super) fn shares_table(solvers: &[Solver<'_>]) -> String {
-    let mut text = format!("{:<22}", "% solved to");
-    for level in 1..=LEVELS {
-        let _ = write!(text, "{:>6}", format!("1e-{level}"));
-    }
-    text.push('\n');
+pub(super) fn shares_table(solvers: &[Solver<'_>]) -> Table {
+    const TITLES: [&str; LEVELS] = ["1e-1", "1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7", "1e-8"];
+    let columns = std::iter::once(("optimizer", "optimizer")).chain(TITLES.map(|to| (to, to)));
+    let title = "Problems solved to a level, %; *: the best of its rates on each problem";
+    let mut table = Table::new("shares", title, &columns.collect::<Vec<_>>());
     for solver in solvers {
         let star = if has_rates(solver) { " *" } else { "" };
-        let _ = write!(text, "{:<22}", format!("{}{star}", solver.optimizer));
-        for share in shares(&solver.runs) {
-            let _ = write!(text, "{:>6.0}", 100.0 * share);
-        }
-        text.push('\n');
+        let name = Cell::text(format!("{}{star}", solver.optimizer));
+        let shares =
+            shares(&solver.runs).map(|share| Cell::Count((100.0 * share).round() as usize));
+        table.push([vec![name], shares.to_vec()].concat());
     }
-    text.push_str("* the best of its rates on each problem\n");
-    text
+    table
 }
 
 /// The short name of an optimizer, for the head of a column.
-fn short(optimizer: &str) -> &str {
+fn short(optimizer: &'static str) -> &'static str {
     match optimizer {
         "gradient descent" => "GD",
         "trust region" => "trust-r",
@@ -73,40 +41,35 @@ fn short(optimizer: &str) -> &str {
 }
 
 /// The error of each optimizer on each problem.
-pub(super) fn problem_table(solvers: &[Solver<'_>]) -> String {
-    let Some(first) = solvers.first() else { return String::new() };
-    let mut text = format!("{:<24}", "error, log10");
-    for solver in solvers {
-        let _ = write!(text, "{:>8}", short(solver.optimizer));
-    }
-    text.push('\n');
-    for (at, one) in first.runs.iter().enumerate() {
-        let alike = first.runs.iter().filter(|run| run.problem == one.problem).count();
+pub(super) fn problem_table(name: &'static str, solvers: &[Solver<'_>]) -> Table {
+    let title = "Error as a power of ten; d: diverged, f: failed, c: converged by its own test, none: \
+                 budget spent";
+    let optimizers = solvers.iter().map(|solver| (short(solver.optimizer), solver.optimizer));
+    let columns = std::iter::once(("problem", "problem")).chain(optimizers);
+    let mut table = Table::new(name, title, &columns.collect::<Vec<_>>());
+    let runs = solvers.first().map_or(&[][..], |solver| &solver.runs);
+    for (at, one) in runs.iter().enumerate() {
+        let alike = runs.iter().filter(|run| run.problem == one.problem).count();
         let seed = if alike > 1 { format!(" #{}", one.seed) } else { String::new() };
-        let name: String = one.problem.chars().take(23 - seed.len()).collect();
-        let _ = write!(text, "{:<24}", name + &seed);
-        for solver in solvers {
-            let _ =
-                write!(text, "{:>8}", solver.runs.get(at).map_or(String::new(), |run| cell(run)));
-        }
-        text.push('\n');
+        let errors = solvers
+            .iter()
+            .map(|solver| solver.runs.get(at).map_or(Cell::Nothing, |run| error(run)));
+        let name = Cell::text(format!("{}{seed}", one.problem));
+        table.push(std::iter::once(name).chain(errors).collect());
     }
-    text.push_str("d diverged, f failed, c converged by its own test, none: budget spent\n");
-    text
+    table
 }
 
 /// The error of a run as a power of ten, and how it ended.
-fn cell(run: &Run) -> String {
+fn error(run: &Run) -> Cell {
     let mark = match run.outcome {
-        Outcome::Reached | Outcome::Budget => "",
+        Outcome::Reached => return Cell::text("<-12"),
+        Outcome::Budget => "",
         Outcome::Converged => "c",
         Outcome::Diverged => "d",
         Outcome::Failed => "f",
     };
-    if run.outcome == Outcome::Reached {
-        return "<-12".to_owned();
-    }
-    format!("{:.1}{mark}", run.error.max(1e-99).log10() + 0.0)
+    Cell::Number(run.error.max(1e-99).log10() + 0.0, mark)
 }
 
 /// How many runs ended in which way, all rates counted.
@@ -117,16 +80,27 @@ pub(super) fn endings(study: &Study) -> String {
         let count = study.runs.iter().filter(|run| run.outcome == outcome).count();
         format!("{count} {}", outcome.word())
     });
-    format!("{} runs, every rate counted: {}\n", study.runs.len(), parts.join(", "))
+    format!("{} runs, every rate counted: {}", study.runs.len(), parts.join(", "))
 }
 
 /// The condition of each scene and each of its blocks.
-pub(super) fn condition_table(study: &Study) -> String {
-    let mut text = format!(
-        "{:<24}{:<10}{:>4}{:>6}{:>10}{:>8}{:>9}{:>9}\n",
-        "condition of J^T J", "block", "n", "null", "at start", "null", "at truth", "scaled"
+pub(super) fn condition_table(study: &Study) -> Table {
+    let title =
+        "Condition of JᵀJ; null: directions that change no pixel; scaled: columns of J of length 1";
+    let mut table = Table::new(
+        "conditions",
+        title,
+        &[
+            ("scene", "scene"),
+            ("block", "block"),
+            ("n", "parameters"),
+            ("null", "null_at_start"),
+            ("at start", "condition_at_start"),
+            ("null", "null_at_truth"),
+            ("at truth", "condition_at_truth"),
+            ("scaled", "condition_scaled_at_truth"),
+        ],
     );
-    let of = |found: Option<f64>| found.map_or("-".to_owned(), |c| format!("{c:.1e}"));
     let several = study.conditionings.iter().any(|found| found.seed > 0);
     for start in study.conditionings.iter().filter(|found| found.at == "start") {
         // A block of one number has nothing to be conditioned by.
@@ -139,20 +113,52 @@ pub(super) fn condition_table(study: &Study) -> String {
                     == (&start.problem, start.seed, start.block)
         });
         let seed = if several { format!(" #{}", start.seed) } else { String::new() };
-        let name = if start.block == "all" { start.problem.clone() + &seed } else { String::new() };
-        let null = |found: &Conditioning| found.null_directions.to_string();
-        let _ = writeln!(
-            text,
-            "{name:<24}{:<10}{:>4}{:>6}{:>10}{:>8}{:>9}{:>9}",
-            start.block,
-            start.parameters,
+        let null = |found: &Conditioning| Cell::Count(found.null_directions);
+        table.push(vec![
+            Cell::text(format!("{}{seed}", start.problem)),
+            Cell::text(start.block),
+            Cell::Count(start.parameters),
             null(start),
-            of(start.condition),
-            truth.map_or("-".to_owned(), null),
-            of(truth.and_then(|truth| truth.condition)),
-            of(truth.and_then(|truth| truth.condition_scaled)),
-        );
+            Cell::maybe(start.condition),
+            truth.map_or(Cell::Nothing, null),
+            Cell::maybe(truth.and_then(|truth| truth.condition)),
+            Cell::maybe(truth.and_then(|truth| truth.condition_scaled)),
+        ]);
     }
-    text.push_str("null: directions that change no pixel; scaled: columns of J of length 1\n");
-    text
+    table
+}
+
+/// One row per run.
+pub(super) fn run_table(runs: &[Run]) -> Table {
+    let columns = [
+        "problem",
+        "seed",
+        "optimizer",
+        "rate",
+        "solved_to",
+        "error",
+        "minimiser_error",
+        "seconds",
+        "gradient_evaluations",
+        "outcome",
+        "message",
+    ];
+    let columns = columns.map(|name| (name, name));
+    let mut table = Table::new("runs", "Every run", &columns).not_printed();
+    for run in runs {
+        table.push(vec![
+            Cell::text(&run.problem),
+            Cell::Count(run.seed as usize),
+            Cell::text(run.optimizer),
+            Cell::maybe(run.rate),
+            Cell::Count(run.solved_to),
+            Cell::number(run.error),
+            Cell::maybe(run.minimiser_error),
+            Cell::number(run.seconds),
+            Cell::number(run.gradient_evaluations),
+            Cell::text(run.outcome.word()),
+            Cell::text(&run.message),
+        ]);
+    }
+    table
 }

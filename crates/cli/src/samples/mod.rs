@@ -18,7 +18,7 @@ use crate::places::Places;
 use crate::threads::start_threads;
 
 /// The file that the report has; pictures stand in it.
-const REPORT: [&str; 1] = [page::PAGE];
+const REPORT: [&str; 1] = ["samples.html"];
 
 /// Runs the samples that `arguments` ask for.
 ///
@@ -51,13 +51,13 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
         }
     }
     let failed = |error: ReportError| Failure::Work(error.to_string());
-    let page = arguments.out.as_ref().map(|_| page::render(&runs)).transpose().map_err(failed)?;
+    let page = out.map(|_| page::page(&runs)?.render()).transpose().map_err(failed)?;
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(file) = &arguments.json {
         say_json(file, &Value::from_iter(runs.iter().flat_map(Run::json)).to_string())?;
     }
-    if let (Some(html), Some(out)) = (page, out) {
-        let path = bokashi_report::add_page(out, page::PAGE, &html).map_err(failed)?;
+    if let (Some(page), Some(out)) = (page, out) {
+        let path = page.write(out).map_err(failed)?;
         if speaks {
             say(&format!("\nReport: {}\n", path.display()))?;
         }

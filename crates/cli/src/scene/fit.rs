@@ -10,7 +10,6 @@ use bokashi_scene::{Scene, SceneError, SceneFit, lens_note};
 use super::checkpoint::{CHECKPOINT, Checkpoint, save};
 use super::live_page::LivePage;
 use super::outcome::values;
-use super::page::PAGE;
 use super::progress_bar::Bar;
 use super::record::{Record, Recorder, held_out};
 use super::results::{Results, files, save_views};
@@ -195,7 +194,7 @@ fn begin(
         let json = options.json.as_deref().map(|file| ("--json", file));
         let named = json.into_iter().collect();
         let (out, is_out_named) = (Some(options.out.as_path()), options.is_out_named);
-        let report = &[PAGE, CHECKPOINT];
+        let report = &["index.html", CHECKPOINT];
         Places { out, is_out_named, report, files: named, read: Vec::new() }.check()?;
     }
     start_threads(options.threads)?;

@@ -90,7 +90,7 @@ impl Outcome {
     }
 
     /// That the loss still fell, in words, and what to do about it.
-    pub(super) fn fell_in_words(&self) -> Option<String> {
+    fn fell_in_words(&self) -> Option<String> {
         let percent = 100.0 * self.fell?;
         Some(format!(
             "The loss still fell by {percent:.0} % in the last quarter: more steps make it smaller."
@@ -98,7 +98,7 @@ impl Outcome {
     }
 
     /// The views that are matched worst, in words; nothing where there are no more than these.
-    pub(super) fn worst_in_words(&self, fit: &SceneFit) -> Option<String> {
+    fn worst_in_words(&self, fit: &SceneFit) -> Option<String> {
         let score = |own: &ViewScore| own.psnr.map(|psnr| (psnr, own.view));
         let mut all: Vec<_> = self.scores.iter().filter_map(score).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -111,10 +111,18 @@ impl Outcome {
     }
 
     /// What a score of a view that is held out means where cameras are learnt.
-    pub(super) fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
+    fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
         let scene = fit.scene();
         let is_held_out = scene.views.iter().any(|view| view.held_out);
         (is_held_out && scene.description.learn.cameras.is_some()).then_some(HELD_OUT)
+    }
+
+    /// What else to know of the fit, in sentences.
+    pub(super) fn remarks(&self, fit: &SceneFit) -> impl Iterator<Item = String> {
+        let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
+        let held_out = self.held_out_in_words(fit).map(str::to_owned);
+        let all = [ended, self.fell_in_words(), self.worst_in_words(fit), held_out];
+        all.into_iter().flatten()
     }
 
     pub(super) fn json(&self, fit: &SceneFit) -> Value {

@@ -1,18 +1,13 @@
 //! The report of a fit of a scene: error against run time first.
 
-use std::fmt::Write as _;
-
 use bokashi_report::{
-    Curve, Document, Figure, Panel, ReportError, SIZES, Scale, Section, Stroke, escaped, row,
+    Captioned, Cell, Curve, Document, Figure, Figures, Scale, Section, Stroke, Table,
 };
-use bokashi_scene::SceneFit;
+use bokashi_scene::{SceneFit, Tensor};
 
 use super::outcome::Outcome;
 use super::pictures::{GAIN, KINDS, VIEWS, file_name};
-use crate::about::footer;
-
-/// The name of the page.
-pub(super) const PAGE: &str = "index.html";
+use crate::about::about;
 
 /// Curves over the seconds of a fit.
 #[derive(Debug, Default)]
@@ -21,104 +16,78 @@ pub(super) struct Curves {
     pub(super) held_out: Vec<(f64, f64)>,
 }
 
-/// The page. `viewer` is a block that turns the learnt mesh.
-pub(super) fn render(
-    fit: &SceneFit,
-    outcome: &Outcome,
-    curves: &Curves,
-    viewer: Option<String>,
-) -> Result<String, ReportError> {
-    let mut sections =
-        vec![Section { id: "error", title: "Error against run time", body: row(&panels(curves))? }];
-    sections.push(Section { id: "views", title: "Views", body: views(fit, outcome) });
-    if let Some(body) = viewer {
-        sections.push(Section { id: "mesh", title: "The learnt mesh", body });
+/// The page. `viewer` is a block that turns the learnt mesh, or empty.
+pub(super) fn page(fit: &SceneFit, outcome: &Outcome, curves: &Curves, viewer: String) -> Document {
+    let mut mesh = Section::new("mesh", "The learnt mesh", "");
+    mesh.push_html(viewer);
+    let mut words = vec![format!("{}.", outcome.message())];
+    words.extend(
+        outcome
+            .psnr_held_out(fit)
+            .map(|psnr| format!("Views that were never learnt from are matched to {psnr:.1} dB.")),
+    );
+    words.extend(outcome.remarks(fit));
+    Document {
+        name: "index",
+        heading: fit.scene().path.display().to_string(),
+        introduction: words.join(" "),
+        sections: vec![
+            errors(curves),
+            views(fit, outcome),
+            mesh,
+            learnt(fit, outcome),
+            left_out(outcome),
+        ],
+        files: Vec::new(),
+        about: about("bokashi"),
     }
-    sections.push(Section { id: "learnt", title: "What was learnt", body: learnt(fit, outcome) });
-    sections.push(Section { id: "left-out", title: "What was left out", body: left_out(outcome) });
-    let name = fit.scene().path.display().to_string();
-    let held_out = outcome.psnr_held_out(fit).map_or(String::new(), |psnr| {
-        format!(" Views that were never learnt from are matched to {psnr:.1} dB.")
-    });
-    let document = Document {
-        title: format!("Bokashi: {name}"),
-        heading: name,
-        introduction: format!("{}.{held_out}{}", outcome.message(), remarks(fit, outcome)),
-        sections,
-        footer: footer(),
-    };
-    Ok(document.html())
 }
 
-/// What else to know of the fit, as HTML after a sentence.
-fn remarks(fit: &SceneFit, outcome: &Outcome) -> String {
-    let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
-    let held_out = outcome.held_out_in_words(fit).map(str::to_owned);
-    let all = [ended, outcome.fell_in_words(), outcome.worst_in_words(fit), held_out].into_iter();
-    all.flatten().map(|words| format!(" {}", escaped(&words))).collect()
-}
-
-fn panels(curves: &Curves) -> Vec<Panel> {
-    let panel = |title: &str, y: Scale, points: &[(f64, f64)]| Panel {
-        title: title.to_owned(),
-        figure: Figure {
-            x: Scale::Seconds,
-            y,
-            x_title: "wall-clock time",
-            size: SIZES[0],
-            spoken: format!("{title} against wall-clock time."),
-            curves: vec![Curve {
-                color: 0,
-                stroke: Stroke::Solid,
-                dots: false,
-                points: points.iter().map(|&(x, y)| [x, y, y, y]).collect(),
-            }],
-            marks: Vec::new(),
-        },
+fn errors(curves: &Curves) -> Section {
+    let panel = |title: &str, y: Scale, points: &[(f64, f64)]| {
+        let curve = Curve::line(0, Stroke::Solid, points.iter().copied());
+        Figure::new(title, (Scale::Seconds, "wall-clock time"), y, [curve])
     };
-    let all = [
+    let panels = [
         panel("PSNR of held-out views, in dB", Scale::Linear, &curves.held_out),
         panel("Loss", Scale::Logarithmic, &curves.losses),
     ];
-    all.into_iter().filter(|panel| !panel.figure.is_empty()).collect()
+    let mut section = Section::new("error", "Error against run time", "");
+    section.push_figures(Figures::new(panels, []));
+    section
 }
 
 /// Held-out views first, each with its figures and pictures.
-fn views(fit: &SceneFit, outcome: &Outcome) -> String {
-    let mut html = format!(
-        "<p>Results, targets, and differences {GAIN} times as large: grey where both agree. Views that are \
-         held out come first.</p>"
+fn views(fit: &SceneFit, outcome: &Outcome) -> Section {
+    let note = format!(
+        "Results, targets, and differences {GAIN} times as large: grey where both agree. Views that are \
+         held out come first."
     );
+    let mut section = Section::new("views", "Views", note);
     let scene = fit.scene();
     let mut all: Vec<_> = outcome.scores.iter().collect();
     all.sort_by_key(|score| !scene.views[score.view].held_out);
     for score in all {
         let view = &scene.views[score.view];
-        let name = escaped(&view.name);
-        let mut said = format!("{name}{}", if view.held_out { ", held out" } else { "" });
-        // Writing to a string cannot fail.
-        if let Some(psnr) = score.psnr {
-            let _ = write!(said, ": {psnr:.1} dB");
-        }
-        if let Some(ssim) = score.ssim {
-            let _ = write!(said, ", SSIM {ssim:.4}");
-        }
-        if let Some(iou) = score.silhouette_iou {
-            let _ = write!(said, ", IoU {iou:.4}");
-        }
-        let _ = write!(html, "<h3>{said}</h3><div class=\"film\">");
+        let scores = [
+            score.psnr.map(|psnr| format!("{psnr:.1} dB")),
+            score.ssim.map(|ssim| format!("SSIM {ssim:.4}")),
+            score.silhouette_iou.map(|iou| format!("IoU {iou:.4}")),
+        ];
+        let scores = scores.into_iter().flatten().collect::<Vec<_>>().join(", ");
+        let held_out = if view.held_out { ", held out" } else { "" };
+        let colon = if scores.is_empty() { "" } else { ": " };
         let count = if view.image.is_some() { KINDS.len() } else { 1 };
-        for what in &KINDS[..count] {
-            let address = format!("{VIEWS}/{}", address(&file_name(&view.name, what)));
-            let _ = write!(
-                html,
-                "<figure><a href=\"{address}\"><img class=\"seen\" height=\"192\" loading=\"lazy\" \
-                 src=\"{address}\" alt=\"{what} of {name}\"></a><figcaption>{what}</figcaption></figure>"
-            );
-        }
-        html.push_str("</div>");
+        let pictures = KINDS[..count].iter().map(|what| Captioned {
+            address: format!("{VIEWS}/{}", address(&file_name(&view.name, what))),
+            caption: (*what).to_owned(),
+            spoken: format!("{what} of {}", view.name),
+            is_linked: true,
+        });
+        let heading = format!("{}{held_out}{colon}{scores}", view.name);
+        section.push_pictures(&heading, pictures.collect());
     }
-    html
+    section
 }
 
 /// A file's name in an address.
@@ -132,45 +101,42 @@ fn address(name: &str) -> String {
     bytes.collect()
 }
 
-fn learnt(fit: &SceneFit, outcome: &Outcome) -> String {
-    let mut html = String::from(
-        "<div class=\"scroll\"><table><thead><tr><th class=\"words\">parameter</th>\
-         <th class=\"words\">shape</th><th class=\"words\">first</th><th class=\"words\">last</th></tr></thead>\
-         <tbody>",
-    );
+fn learnt(fit: &SceneFit, outcome: &Outcome) -> Section {
+    let numbers = |tensor: &Tensor<f32>| match tensor.size() {
+        0..=6 => {
+            let all = tensor.data().iter().map(|x| format!("{x:.4}"));
+            all.collect::<Vec<_>>().join(", ")
+        }
+        size => format!("{size} numbers"),
+    };
+    let mut table =
+        Table::new("", "", &["parameter", "shape", "first", "last"].map(|title| (title, "")));
     for ((name, first), last) in outcome.first.iter().zip(fit.parameters().iter()) {
         let last = last.value();
-        let numbers = |tensor: &bokashi_scene::Tensor<f32>| match tensor.size() {
-            0..=6 => {
-                let all = tensor.data().iter().map(|x| format!("{x:.4}"));
-                all.collect::<Vec<_>>().join(", ")
-            }
-            size => format!("{size} numbers"),
-        };
-        let (name, shape) = (escaped(name), last.shape());
-        let _ = write!(
-            html,
-            "<tr><th class=\"words\">{name}</th><td class=\"words\">{shape}</td><td class=\"words\">{}</td>\
-             <td class=\"words\">{}</td></tr>",
-            numbers(first),
-            numbers(&last)
-        );
+        let words = [name.clone(), last.shape().to_string(), numbers(first), numbers(&last)];
+        table.push(words.map(Cell::Text).into());
     }
-    html.push_str(
-        "</tbody></table></div><p><code>mesh.glb</code> stands in the world. A <code>.ply</code> has its mesh's \
-         own coordinates: <code>places</code> in <code>numbers.json</code> are the matrices that bring it there.</p>",
+    let mut section = Section::new("learnt", "What was learnt", "");
+    section.push_table(table);
+    section.push_html(
+        "<p><code>mesh.glb</code> stands in the world. A <code>.ply</code> has its mesh's own coordinates: \
+         <code>places</code> in <code>numbers.json</code> are the matrices that bring it there.</p>",
     );
-    html
+    section
 }
 
-fn left_out(outcome: &Outcome) -> String {
+fn left_out(outcome: &Outcome) -> Section {
+    let mut section = Section::new("left-out", "What was left out", "");
     if outcome.left_out.is_empty() {
-        return "<p>Nothing: all that the scene names is needed.</p>".to_owned();
+        section.push_html("<p>Nothing: all that the scene names is needed.</p>");
     }
-    let rows = outcome.left_out.iter().map(|(operation, reason)| {
-        format!("<li><code>{operation}</code>: {}</li>", escaped(reason))
-    });
-    format!("<ul>{}</ul>", rows.collect::<String>())
+    let mut table =
+        Table::new("", "", &["operation", "why"].map(|title| (title, ""))).with_sentences();
+    for (operation, reason) in &outcome.left_out {
+        table.push([(*operation).to_owned(), reason.clone()].map(Cell::Text).into());
+    }
+    section.push_table(table);
+    section
 }
 
 #[cfg(test)]

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bokashi_report::{ReportError, add_page};
+use bokashi_report::ReportError;
 use bokashi_scene::{Scene, SceneError, SceneFit, Tensor, ViewScore};
 
 use super::checkpoint::CHECKPOINT;
 use super::live_page::LivePage;
 use super::outcome::{Outcome, fall};
-use super::page::{self, PAGE};
+use super::page::page;
 use super::pictures::{KINDS, Pictures, block, path};
 use super::record::Record;
 use crate::failure::Failure;
@@ -22,7 +22,7 @@ fn not_reported(error: ReportError) -> Failure {
 
 /// Where the files of a fit lie in the folder of results.
 pub(super) fn files(scene: &Scene) -> Vec<PathBuf> {
-    let all = [PAGE, CHECKPOINT].map(PathBuf::from).into_iter().chain(scene.result_names());
+    let all = ["index.html", CHECKPOINT].map(PathBuf::from).into_iter().chain(scene.result_names());
     let views = scene.views.iter();
     all.chain(views.flat_map(|view| KINDS.map(|what| path(&view.name, what)))).collect()
 }
@@ -81,11 +81,11 @@ impl Results<'_> {
         learnt.save_results(self.out)?;
         let model = learnt.model()?;
         let viewer = match model.geometries.is_empty() {
-            true => None,
-            false => Some(block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?),
+            true => String::new(),
+            false => block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?,
         };
-        let html = page::render(fit, &outcome, &record.curves, viewer).map_err(not_reported)?;
-        let report = add_page(self.out, PAGE, &html).map_err(not_reported)?;
+        let page = page(fit, &outcome, &record.curves, viewer).render();
+        let report = page.and_then(|page| page.write(self.out)).map_err(not_reported)?;
         if let Some(file) = self.json {
             say_json(file, &outcome.json(fit).to_string())?;
         }
@@ -114,8 +114,5 @@ fn summarize(fit: &SceneFit, record: &Record, outcome: &Outcome) -> Result<(), F
         }
     };
     say(&format!("{}{loss}{held_out}{sent}\n", outcome.message()))?;
-    let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
-    let held_out = outcome.held_out_in_words(fit).map(str::to_owned);
-    let more = [ended, outcome.fell_in_words(), outcome.worst_in_words(fit), held_out];
-    more.into_iter().flatten().try_for_each(|words| say(&format!("{words}\n")))
+    outcome.remarks(fit).try_for_each(|words| say(&format!("{words}\n")))
 }

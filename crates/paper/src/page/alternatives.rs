@@ -3,11 +3,8 @@
 //!
 //! These fits stand by themselves: no other part of the report shows or counts them.
 
-use std::fmt::Write as _;
-
 use bokashi_report::{
-    Curve, Figure, PALETTE, Panel, ReportError, SIZES, Scale, Stroke, digits, escaped, grouped,
-    legend_line, plain, row,
+    Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table, grouped,
 };
 
 use super::digest::{Fit, Quantity};
@@ -72,31 +69,38 @@ impl Reached {
     }
 }
 
-/// The section, as HTML; empty without fits.
-pub(crate) fn html(trials: &[Trial]) -> Result<String, ReportError> {
-    let Some(first) = trials.first() else { return Ok(String::new()) };
-    Ok(format!(
-        "<p>The paper leaves open how far the blur’s window reaches, what it sees outside the \
-         image, how its taps are made, and how sigma stays positive. Here each choice of ours is \
-         exchanged for another, one at a time, in the learnt image and in its target. One seed \
-         each, in {}, where rounding hides no floor, and counted nowhere else in this report; σ* is the \
-         target.</p><ul>{}</ul>\
-         {}<p class=\"note\">Sigma error against step for the rules of the radius. A line is the \
-         median of the few steps that a point of it stands for, the band around it their least \
-         and largest value.</p>{}<p class=\"note\"><i>Learnt</i>: from here on the error stays \
-         below 10⁻⁴ pixels. <i>Last tenth</i>: the largest error within the last tenth of a run. \
-         Seconds and ms per step are wall clock on the machine of this report.</p>",
-        first.settings.precision,
-        Choice::ALL.map(what_to_look_for).concat(),
-        figure(trials)?,
-        table(trials),
-    ))
+/// The section; it shows nothing without fits.
+pub(crate) fn section(trials: &[Trial]) -> Section {
+    let mut section = Section::new("others", "What other choices do", "");
+    let Some(first) = trials.first() else { return section };
+    section.note = format!(
+        "The paper leaves open how far the blur’s window reaches, what it sees outside the image, how its \
+         taps are made, and how sigma stays positive. Here each choice of ours is exchanged for another, \
+         one at a time, in the learnt image and in its target. One seed each, in {}, where rounding hides \
+         no floor, and counted nowhere else in this report; σ* is the target.",
+        first.settings.precision
+    );
+    let questions =
+        Choice::ALL.map(|choice| format!("<li><b>{}</b>: {}", capital(choice), question(choice)));
+    section.push_html(format!(
+        "<ul>{}</ul><p class=\"note\">Sigma error against step for the rules of the radius. A line is the \
+         median of the few steps that a point of it stands for, the band around it their least and largest \
+         value.</p>",
+        questions.concat()
+    ));
+    section.push_figures(figures(trials));
+    section.push_table(table(trials));
+    section.push_html(
+        "<p class=\"note\"><i>Learnt</i>: from here on the error stays below 10⁻⁴ pixels. <i>Last \
+         tenth</i>: the largest error within the last tenth of a run. Seconds and ms per step are wall \
+         clock on the machine of this report.</p>",
+    );
+    section
 }
 
-/// What a reader should compare, as an item of a list. It claims nothing that another run could
-/// contradict.
-fn what_to_look_for(choice: Choice) -> String {
-    let text = match choice {
+/// What a reader should compare, as HTML. It claims nothing that another run could contradict.
+fn question(choice: Choice) -> &'static str {
+    match choice {
         Choice::Radius => {
             "a window that follows sigma gains or loses a tap where its radius steps, and the \
              loss jumps there. Where that step lies on σ*, look for a floor that the error does \
@@ -117,8 +121,7 @@ fn what_to_look_for(choice: Choice) -> String {
              each takes. With nothing to hold it, sigma is positive only while no step is larger \
              than what is left of it: look at the <i>least sigma</i>, or for an error."
         }
-    };
-    format!("<li><b>{}</b>: {text}", capital(choice))
+    }
 }
 
 /// Fits of one experiment and target, in the order they were given.
@@ -131,35 +134,32 @@ fn parts(trials: &[Trial]) -> impl Iterator<Item = (String, &[Trial])> {
 }
 
 /// One row per fit.
-fn table(trials: &[Trial]) -> String {
-    let mut html = String::from(
-        "<div class=\"scroll\"><table class=\"wide\"><thead><tr><th rowspan=2>Choice\
-         <th colspan=2>sigma error<th colspan=2>sigma is learnt after\
-         <th rowspan=2>ms per<br>step<th rowspan=2>least<br>sigma\
-         <tr><th class=\"first\">at the end<th>last tenth<th class=\"first\">steps<th>seconds\
-         </thead><tbody>",
-    );
+fn table(trials: &[Trial]) -> Table {
+    let columns =
+        ["Choice", "at the end", "last tenth", "steps", "seconds", "ms per step", "least sigma"];
+    let mut table = Table::new("", "", &columns.map(|title| (title, ""))).with_groups(&[
+        ("", 1),
+        ("sigma error", 2),
+        ("sigma is learnt after", 2),
+        ("", 2),
+    ]);
     for (heading, part) in parts(trials) {
-        // Writing to a string cannot fail.
-        let _ = write!(html, "<tr class=\"part\"><th colspan=7>{heading}");
-        for trial in part {
-            let _ = write!(html, "<tr><th>{}{}", name(trial), numbers(trial));
-        }
+        table.push_part(heading);
+        part.iter().for_each(|trial| table.push(row(trial)));
     }
-    html.push_str("</tbody></table></div>");
-    html
+    table
 }
 
-/// What was chosen, as HTML, ours marked.
-fn name(trial: &Trial) -> String {
-    let name = escaped(trial.alternative.name);
+/// What was chosen, ours marked.
+fn name(trial: &Trial) -> Cell {
+    let name = trial.alternative.name;
     match trial.alternative.choice {
         None => {
             let CubeSettings { border, kernel, sigma_mapping, .. } = trial.settings;
             let others = format!("{border:?}, {kernel:?}, {sigma_mapping:?}").to_lowercase();
-            format!("<b class=\"ours\">Ours</b>: {name}, {others}")
+            Cell::Strong(format!("Ours: {name}, {others}"))
         }
-        Some(choice) => format!("{}: {name}", capital(choice)),
+        Some(choice) => Cell::text(format!("{}: {name}", capital(choice))),
     }
 }
 
@@ -170,22 +170,24 @@ fn capital(choice: Choice) -> String {
 }
 
 /// The cells of one fit.
-fn numbers(trial: &Trial) -> String {
+fn row(trial: &Trial) -> Vec<Cell> {
     let reached = match &trial.reached {
         Ok(reached) => reached,
-        Err(error) => return format!("<td class=\"first\" colspan=6>{}", escaped(error)),
+        Err(error) => return vec![name(trial), Cell::text(error)],
     };
-    let never = || ("never".to_owned(), "–".to_owned());
-    let (steps, seconds) = reached
-        .learnt
-        .map_or_else(never, |(steps, seconds)| (grouped(steps as f64), plain(Some(seconds))));
-    format!(
-        "<td class=\"first\">{}<td>{}<td class=\"first\">{steps}<td>{seconds}<td>{}<td>{}",
-        digits(reached.fit.sigma_error()),
-        digits(Some(reached.tail)),
-        plain(reached.fit.outcome.ms_per_step_median),
-        digits(Some(reached.least)),
-    )
+    let (steps, seconds) = match reached.learnt {
+        None => (Cell::text("never"), Cell::Nothing),
+        Some((steps, seconds)) => (Cell::text(grouped(steps as f64)), Cell::Time(seconds)),
+    };
+    vec![
+        name(trial),
+        Cell::maybe(reached.fit.sigma_error()),
+        Cell::number(reached.tail),
+        steps,
+        seconds,
+        Cell::maybe_time(reached.fit.outcome.ms_per_step_median),
+        Cell::number(reached.least),
+    ]
 }
 
 /// Whether a fit is one of the figure: ours, or another rule for the radius.
@@ -199,51 +201,32 @@ fn stroke(alternative: Alternative) -> Stroke {
 }
 
 /// Sigma's error against step for every rule of the radius, a panel per experiment and target.
-fn figure(trials: &[Trial]) -> Result<String, ReportError> {
+fn figures(trials: &[Trial]) -> Figures {
     let mut names: Vec<Alternative> = Vec::new();
     for trial in trials.iter().filter(|trial| is_drawn(trial)) {
         if !names.contains(&trial.alternative) {
             names.push(trial.alternative);
         }
     }
-    let place = |trial: &Trial| names.iter().position(|&name| name == trial.alternative);
-    let panels = parts(trials).map(|(heading, part)| {
+    let color = |trial: &Trial| names.iter().position(|&name| name == trial.alternative);
+    let panels = parts(trials).map(|(_, part)| {
         // Ours, the first, lies over the others.
         let drawn = part.iter().rev().filter(|trial| is_drawn(trial));
         let curves = drawn.filter_map(|trial| {
             let fit = &trial.reached.as_ref().ok()?.fit;
-            Some(Curve {
-                color: place(trial)?,
-                stroke: stroke(trial.alternative),
-                dots: false,
-                points: fit.curve(Quantity::SigmaError, |window| window.step),
-            })
+            let points = fit.curve(Quantity::SigmaError, |window| window.step);
+            Some(Curve::new(color(trial)?, stroke(trial.alternative), points))
         });
         let CubeSettings { experiment, sigma_target, .. } = part[0].settings;
-        let number = panels::number(experiment);
-        let title = format!("{number}, σ* = {sigma_target}: |σ − σ*|, pixels");
-        let spoken = format!("Sigma error against step. {heading}");
-        Panel {
-            figure: Figure {
-                x: Scale::Counts,
-                y: Scale::Logarithmic,
-                x_title: "step",
-                size: SIZES[1],
-                spoken,
-                curves: curves.collect(),
-                marks: Vec::new(),
-            },
-            title,
-        }
+        let title =
+            format!("{}, σ* = {sigma_target}: |σ − σ*|, pixels", panels::number(experiment));
+        Figure::new(title, (Scale::Counts, "step"), Scale::Logarithmic, curves)
     });
-    let panels: Vec<Panel> = panels.filter(|panel| !panel.figure.is_empty()).collect();
     let legend = names.iter().enumerate().map(|(at, &name)| {
-        let line = legend_line(PALETTE[at % PALETTE.len()], stroke(name));
         let ours = if name.choice.is_none() { "ours: " } else { "" };
-        format!("<li>{line}{ours}{}", escaped(name.name))
+        (format!("{ours}{}", name.name), PALETTE[at % PALETTE.len()], stroke(name))
     });
-    let legend: String = legend.collect();
-    Ok(format!("<ul class=\"legend\">{legend}</ul>{}", row(&panels)?))
+    Figures::new(panels, legend)
 }
 
 #[cfg(test)]
@@ -291,12 +274,13 @@ mod tests {
                 Trial::new(*alternative, settings, outcome)
             })
             .collect();
-        let html = html(&trials).expect("a section");
         let parts = parts(&trials).count();
-        assert_eq!(html.matches("<tr class=\"part\">").count(), parts);
-        assert_eq!(html.matches(">Ours</b>").count(), parts);
-        assert_eq!(html.matches("sigma &lt; 0").count(), parts);
-        assert_eq!(html.matches("<svg viewBox=\"0 0 680").count(), parts);
-        assert_eq!(html.matches("<tr><th>").count(), trials.len());
+        let panels = figures(&trials).panels;
+        assert!(panels.len() == parts && panels.iter().all(|panel| !panel.is_empty()));
+        let rows = table(&trials).rows;
+        let count = |what: &dyn Fn(&[Cell]) -> bool| rows.iter().filter(|row| what(row)).count();
+        assert_eq!(rows.len(), trials.len());
+        assert_eq!(count(&|row| matches!(row[0], Cell::Strong(_))), parts);
+        assert_eq!(count(&|row| row[1..] == [Cell::text("sigma < 0")]), parts);
     }
 }

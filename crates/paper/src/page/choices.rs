@@ -2,36 +2,33 @@
 
 use bokashi_fit::{Optimizer, Schedule};
 use bokashi_render_ops::Radius;
-use bokashi_report::{escaped, grouped};
+use bokashi_report::{About, Cell, Section, Table, grouped};
 
-use super::about::About;
 use super::digest::Group;
 use crate::{CubeSettings, Experiment};
 
-/// Every choice of a report, as a table in HTML.
-pub(crate) fn choices(about: &About, groups: &[&Group]) -> String {
-    let all: Vec<&Group> = groups.to_vec();
-    let has = |what: &dyn Fn(&CubeSettings) -> bool| all.iter().any(|group| what(&group.settings));
+/// Every choice of a report.
+pub(crate) fn section(about: &About, groups: &[&Group]) -> Section {
+    let has = |what: &dyn Fn(&CubeSettings) -> bool| groups.iter().any(|one| what(&one.settings));
     let blurred: Vec<&Group> =
         groups.iter().copied().filter(|group| group.settings.blurs()).collect();
     let mut rows = vec![
-        ("Program", escaped(&about.program)),
-        ("Command", format!("<code>{}</code>", escaped(&about.command))),
+        ("Program", about.program.clone()),
+        ("Command", about.command.clone()),
         ("Threads", about.threads.to_string()),
-        ("Numbers", each(&all, |settings| settings.precision.to_string())),
-        ("Steps", each(&all, |settings| grouped(settings.steps as f64))),
+        ("Numbers", each(groups, |settings| settings.precision.to_string())),
+        ("Steps", each(groups, |settings| grouped(settings.steps as f64))),
         ("Seeds", seeds(groups)),
-        ("Learning rates", each(&all, rates)),
-        ("Optimizer", each(&all, |settings| optimizer(settings.optimizer))),
-        ("Loss", fixed("sum of squared differences over all pixels and channels")),
-        ("Cube", fixed("vertices {−½, ½}³, colours {0, 1}³, 12 faces")),
+        ("Learning rates", each(groups, rates)),
+        ("Optimizer", each(groups, |settings| optimizer(settings.optimizer))),
+        ("Loss", "sum of squared differences over all pixels and channels".to_owned()),
+        ("Cube", "vertices {−½, ½}³, colours {0, 1}³, 12 faces".to_owned()),
     ];
     if has(&|settings| settings.experiment != Experiment::Sigma) {
-        rows.push(("Start", fixed(START)));
-        rows.push(("Poses", fixed(POSES)));
-        rows.push(("Vertex error", fixed(VERTEX_ERROR)));
+        let fixed = [("Start", START), ("Poses", POSES), ("Vertex error", VERTEX_ERROR)];
+        rows.extend(fixed.map(|(what, text)| (what, text.to_owned())));
     }
-    rows.push(("Camera", fixed(CAMERA)));
+    rows.push(("Camera", CAMERA.to_owned()));
     if !blurred.is_empty() {
         let word = |word: &dyn std::fmt::Debug| format!("{word:?}").to_lowercase();
         rows.push(("Blur kernel", each(&blurred, |settings| word(&settings.kernel))));
@@ -41,9 +38,13 @@ pub(crate) fn choices(about: &About, groups: &[&Group]) -> String {
         rows.push(("Sigma stays positive by", mapping));
         rows.push(("Sigma starts at", each(&blurred, |settings| settings.sigma_start.to_string())));
     }
-    rows.push(("Time", fixed(TIME)));
-    let rows = rows.iter().map(|(what, value)| format!("<tr><th>{what}<td>{value}"));
-    format!("<table class=\"choices\"><tbody>{}</tbody></table>", rows.collect::<String>())
+    rows.push(("Time", TIME.to_owned()));
+    let mut table = Table::new("", "", &[("", ""), ("", "")]).with_sentences();
+    rows.into_iter()
+        .for_each(|(what, value)| table.push([what.to_owned(), value].map(Cell::Text).into()));
+    let mut section = Section::new("choices", "Every choice", "");
+    section.push_table(table);
+    section
 }
 
 const START: &str =
@@ -58,10 +59,6 @@ const TIME: &str = "wall clock from the start of a fit, all included: poses, tar
     updates, and measuring the errors; ms per step: forward, backward and optimizer of the learnt \
     image, median over a fit";
 
-fn fixed(text: &str) -> String {
-    text.to_owned()
-}
-
 /// What `what` says of each group, once.
 fn each(groups: &[&Group], what: impl Fn(&CubeSettings) -> String) -> String {
     let mut words: Vec<String> = Vec::new();
@@ -70,7 +67,7 @@ fn each(groups: &[&Group], what: impl Fn(&CubeSettings) -> String) -> String {
             words.push(word);
         }
     }
-    escaped(&words.join("; "))
+    words.join("; ")
 }
 
 /// Which seeds were run.

@@ -13,7 +13,6 @@
 //!
 //! Each file is written whole or not at all.
 
-mod about;
 mod alternatives;
 mod choices;
 mod digest;
@@ -24,16 +23,13 @@ mod results;
 mod sections;
 mod table;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use bokashi_fit::FitError;
-use bokashi_report::{ReportError, add_page};
-use bokashi_write::write_below;
+use bokashi_report::{About, Document, Rendered, ReportError};
 
-pub use self::about::About;
 use self::alternatives::Trial;
 use self::digest::{Fit, Group};
-use self::sections::Content;
 use crate::{Alternative, CubeSettings, Outcome};
 
 /// A report in the making: see the module.
@@ -95,46 +91,23 @@ impl Report {
                 files.push((format!("pictures/{name}{number}.png").into(), sheet));
             }
         }
-        let content = Content {
-            about: &self.about,
-            groups: &groups,
-            film: film.as_ref(),
-            failures: &self.failures,
-            trials: &self.trials,
+        let count = self.fits.len();
+        let fits = match count {
+            1 => "one fit".to_owned(),
+            count => format!("{count} fits, none left out"),
         };
-        let page = sections::page(&content)?;
+        let sections = sections::sections(self, &groups, film.as_ref())?;
         files.extend(film.map(|film| (PathBuf::from("fit.png"), film.moving)));
-        files.push(("fits.csv".into(), table::fits(&self.fits).into()));
-        files.push(("histories.csv".into(), table::histories(&self.fits).into()));
-        Ok(Rendered { files, page })
-    }
-}
-
-/// The name of the page.
-const PAGE: &str = "index.html";
-
-/// The files of a report, not yet written.
-#[derive(Debug, Clone)]
-pub struct Rendered {
-    /// Paths below the report's folder, and contents.
-    files: Vec<(PathBuf, Vec<u8>)>,
-    /// The page, as HTML.
-    page: String,
-}
-
-impl Rendered {
-    /// Writes the report into `folder`, which is made where it is missing; returns the path of
-    /// the page.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`] where the file system refuses.
-    pub fn write(&self, folder: &Path) -> Result<PathBuf, ReportError> {
-        for (name, bytes) in &self.files {
-            let failed = |error| ReportError::Write { path: folder.join(name), error };
-            write_below(folder, name, bytes).map_err(failed)?;
+        for table in [table::fits(&self.fits), table::histories(&self.fits)] {
+            files.push((format!("{}.csv", table.name).into(), table.csv().into()));
         }
-        // The page last: whoever sees it finds the rest in place.
-        add_page(folder, PAGE, &self.page)
+        let introduction = format!(
+            "Vertices, colours and the strength of a Gaussian blur, found by gradient descent through a \
+             renderer, on a CPU. This report shows {fits}."
+        );
+        let heading = "A cube, learnt from its blurred pictures".to_owned();
+        let about = self.about.clone();
+        Document { name: "index", heading, introduction, sections, files, about }.render()
     }
 }
 
@@ -188,7 +161,7 @@ mod tests {
         for (settings, last) in fits {
             report.add(settings, outcome(settings, *last));
         }
-        report.render().expect("a report").page
+        report.render().expect("a report").html
     }
 
     fn settings(experiment: Experiment) -> CubeSettings {
@@ -224,7 +197,7 @@ mod tests {
             let settings = CubeSettings { silhouettes, ..settings(Experiment::Vertices) };
             report.add(&settings, outcome(&settings, last));
         }
-        let Rendered { files, page } = report.render().expect("a report");
+        let Rendered { files, html: page, .. } = report.render().expect("a report");
         for name in ["8px-paper-f32", "8px-paper-exact-f32", "8px-paper-aliased-f32"] {
             let path = PathBuf::from(format!("pictures/vertices-{name}.png"));
             assert!(files.iter().any(|(file, _)| *file == path), "{name}");
@@ -269,7 +242,7 @@ mod tests {
         let (good, bad) = (settings(Experiment::Joint), settings(Experiment::Sigma));
         report.add(&good, outcome(&good, 1e-3));
         report.add_failure(&bad, &FitError::setting("a < b", "c", "d"));
-        let page = report.render().expect("a report").page;
+        let page = report.render().expect("a report").html;
         assert!(page.contains("Fits that ended in an error") && page.contains("a &lt; b needs c"));
     }
 
@@ -284,11 +257,11 @@ mod tests {
             report.add_alternative(alternative, &settings, Ok(outcome));
         }
         let with = report.render().expect("a report");
-        let text = with.page;
+        let text = with.html;
         let start = text.find("<section id=\"others\">").expect("a section");
         let end = start + text[start..].find("</section>").expect("its end") + "</section>".len();
         let link = "<li><a href=\"#others\">What other choices do</a>";
-        assert!(text[..start].replace(link, "") + &text[end..] == without.page);
+        assert!(text[..start].replace(link, "") + &text[end..] == without.html);
         assert!(with.files == without.files);
     }
 

@@ -1,19 +1,15 @@
 //! The report's figures: which quantities, against what, for which groups of fits.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
-use bokashi_report::{
-    Curve, Figure, INK, PALETTE, Panel, ReportError, SIZES, Scale, Stroke, escaped, legend_line,
-    row,
-};
+use bokashi_report::{Curve, Figure, Figures, INK, PALETTE, Scale, Stroke};
 
 use super::digest::{Group, Quantity, Window};
 use crate::Experiment;
 
 /// Error against run time: loss, vertex error, colour error and sigma error, as far as the
 /// experiment knows them.
-pub(crate) fn against_time(groups: &[&Group]) -> Vec<Panel> {
+pub(crate) fn against_time(groups: &[&Group]) -> Figures {
     let panels = [
         (Quantity::Loss, "Loss, sum of squared differences"),
         (Quantity::VertexError, "Vertex error, in edges of the cube"),
@@ -24,52 +20,34 @@ pub(crate) fn against_time(groups: &[&Group]) -> Vec<Panel> {
         let y = if quantity == Quantity::Loss { Scale::Squares } else { Scale::Logarithmic };
         panel(groups, title, quantity, (Scale::Seconds, "wall-clock time"), y)
     });
-    let mut panels = Vec::from(panels);
-    panels.retain(|panel| !panel.figure.is_empty());
-    if panels.len() == 3 {
-        panels.iter_mut().for_each(|panel| panel.figure.size = SIZES[1]);
-    }
-    panels
+    figures(groups, panels)
 }
 
 /// Mean vertex distance and sigma against step: the paper's Figures 4, 6 and 7.
-pub(crate) fn against_step(groups: &[&Group]) -> Vec<Panel> {
+pub(crate) fn against_step(groups: &[&Group]) -> Figures {
     let x = (Scale::Counts, "step");
     let distance = "Vertex error, in edges of the cube";
-    let mut panels = vec![
-        panel(groups, distance, Quantity::VertexError, x, Scale::Logarithmic),
-        panel(groups, "Sigma, pixels; thin lines: targets", Quantity::Sigma, x, Scale::Linear),
-    ];
-    panels.retain(|panel| !panel.figure.is_empty());
-    for panel in panels.iter_mut().filter(|panel| panel.figure.y == Scale::Linear) {
-        let targets = groups.iter().map(|group| (color(groups, group), group.grade()));
-        panel.figure.marks = targets.collect();
-        panel.figure.marks.dedup();
+    let sigma = "Sigma, pixels; thin lines: targets";
+    let mut sigma = panel(groups, sigma, Quantity::Sigma, x, Scale::Linear);
+    if !sigma.is_empty() {
+        sigma.marks = groups.iter().map(|group| (color(groups, group), group.grade())).collect();
+        sigma.marks.dedup();
     }
-    panels
+    figures(groups, [panel(groups, distance, Quantity::VertexError, x, Scale::Logarithmic), sigma])
 }
 
 fn panel(
     groups: &[&Group],
     title: &'static str,
     quantity: Quantity,
-    (x, x_title): (Scale, &'static str),
+    x: (Scale, &'static str),
     y: Scale,
-) -> Panel {
-    let place = |window: &Window| if x == Scale::Seconds { window.seconds } else { window.step };
-    let curves = groups.iter().map(|group| Curve {
-        color: color(groups, group),
-        stroke: group.stroke(),
-        dots: false,
-        points: group.curve(quantity, place),
+) -> Figure {
+    let spent = |window: &Window| if x.0 == Scale::Seconds { window.seconds } else { window.step };
+    let curves = groups.iter().map(|group| {
+        Curve::new(color(groups, group), group.stroke(), group.curve(quantity, spent))
     });
-    let names: Vec<_> = groups.iter().map(|group| group.name()).collect();
-    let spoken = format!("{title}, against {x_title}: {}", names.join("; "));
-    let curves = curves.collect();
-    Panel {
-        title: title.to_owned(),
-        figure: Figure { x, y, x_title, size: SIZES[0], spoken, curves, marks: Vec::new() },
-    }
+    Figure::new(title, x, y, curves)
 }
 
 /// One colour per resolution or sigma: the index of the group's among all there are.
@@ -80,49 +58,44 @@ fn color(groups: &[&Group], group: &Group) -> usize {
     grades.iter().position(|&grade| grade == group.grade()).unwrap_or(0)
 }
 
-/// The legend of a row of panels, as HTML: the colours, then the kinds of line where there are
-/// several.
-fn legend(groups: &[&Group]) -> String {
+/// Panels under a legend: the colours, then the kinds of line where there are several.
+fn figures<const N: usize>(groups: &[&Group], panels: [Figure; N]) -> Figures {
     let strokes: BTreeSet<Stroke> = groups.iter().map(|group| group.stroke()).collect();
-    let mut html = String::from("<ul class=\"legend\">");
     let mut grades = groups.to_vec();
     grades.sort_by(|a, b| a.grade().total_cmp(&b.grade()));
     grades.dedup_by_key(|group| group.grade());
-    for group in grades {
+    let grades = grades.into_iter().map(|group| {
         let color = PALETTE[color(groups, group) % PALETTE.len()];
         let stroke = if strokes.len() == 1 { group.stroke() } else { Stroke::Solid };
-        // Writing to a string cannot fail.
-        let _ = write!(html, "<li>{}{}", legend_line(color, stroke), escaped(&group.grade_name()));
+        (group.grade_name(), color, stroke)
+    });
+    let kinds = strokes.iter().filter(|_| strokes.len() > 1);
+    let kinds = kinds.map(|&stroke| (stroke_name(stroke).to_owned(), INK[0], stroke));
+    let mut figures = Figures::new(panels, grades.chain(kinds));
+    if let (1, Some(&stroke)) = (strokes.len(), strokes.first())
+        && stroke != Stroke::Solid
+    {
+        figures.remarks.push(stroke_name(stroke).to_owned());
     }
-    for (at, stroke) in strokes.iter().enumerate() {
-        let name = match stroke {
-            Stroke::Solid => "the paper’s rates",
-            Stroke::Dashed => "tuned rates",
-            Stroke::Dotted => "aliased",
-            Stroke::DashDotted => "exact coverage",
-        };
-        let class = if at == 0 { " class=\"apart\"" } else { "" };
-        let _ = match (strokes.len(), stroke) {
-            (1, Stroke::Solid) => Ok(()),
-            (1, _) => write!(html, "<li{class}><small>{name}</small>"),
-            _ => write!(html, "<li{class}>{}{name}", legend_line(INK[0], *stroke)),
-        };
+    let counts = || groups.iter().map(|group| group.fits.len());
+    if let (Some(least), Some(most)) = (counts().min(), counts().max()) {
+        figures.remarks.push(match (least, most) {
+            (_, 1) => "one seed each".to_owned(),
+            (a, b) if a == b => format!("{a} seeds each"),
+            (a, b) => format!("{a} to {b} seeds each"),
+        });
     }
-    let counts: BTreeSet<usize> = groups.iter().map(|group| group.fits.len()).collect();
-    if let (Some(least), Some(most)) = (counts.first(), counts.last()) {
-        let _ = match (least, most) {
-            (_, 1) => write!(html, "<li class=\"apart\"><small>one seed each</small>"),
-            (a, b) if a == b => write!(html, "<li class=\"apart\"><small>{a} seeds each</small>"),
-            (a, b) => write!(html, "<li class=\"apart\"><small>{a} to {b} seeds each</small>"),
-        };
-    }
-    html.push_str("</ul>");
-    html
+    figures.with_heading(groups.first().map_or("", |group| heading(group.settings.experiment)))
 }
 
-/// Panels side by side under their legend, as HTML.
-pub(crate) fn html(groups: &[&Group], panels: &[Panel]) -> Result<String, ReportError> {
-    Ok(legend(groups) + &row(panels)?)
+/// What a kind of line stands for.
+fn stroke_name(stroke: Stroke) -> &'static str {
+    match stroke {
+        Stroke::Solid => "the paper’s rates",
+        Stroke::Dashed => "tuned rates",
+        Stroke::Dotted => "aliased",
+        Stroke::DashDotted => "exact coverage",
+    }
 }
 
 /// The heading of an experiment: its number in the paper, and what it learns.

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
-use bokashi_report::{ReportError, digits, escaped, plain};
+use bokashi_report::{Cell, ReportError, Section, Table, digits, escaped};
 
 use super::digest::{Fit, Group};
 use super::gallery;
+use super::table::NUMBERS;
 use crate::{self as scenes, CubeSettings, Experiment, FACES, STUCK, Silhouettes, VERTEX_COUNT};
 
 /// How many stuck fits are shown as pictures; beyond, they are in the table of all fits.
@@ -27,59 +28,68 @@ fn paper_ms(settings: &CubeSettings) -> Option<&'static str> {
     }
 }
 
-/// One row per group: time per step beside the error that it buys, and the paper's time.
-pub(crate) fn speed(groups: &[&Group]) -> String {
-    let mut html = String::from(
-        "<div class=\"scroll\"><table class=\"wide\"><thead>\
-         <tr><th rowspan=2>Fit<th rowspan=2>seeds<th rowspan=2>stuck\
-         <th colspan=3>ms per step<th rowspan=2>seconds<br>per fit\
-         <th colspan=4>error at the end, median\
-         <tr><th class=\"first\">ours<th>target<br>image<th>paper’s<br>GPU\
-         <th class=\"first\">vertices<th>vertices,<br>last tenth<th>colours<th>sigma\
-         </thead><tbody>",
-    );
-    let mut experiment = None;
-    for group in groups {
-        if experiment.replace(group.settings.experiment) != Some(group.settings.experiment) {
-            let heading = super::panels::heading(group.settings.experiment);
-            let _ = write!(html, "<tr class=\"part\"><th colspan=11>{heading}");
-        }
-        let middle = |number: &dyn Fn(&Fit) -> Option<f64>| {
-            let applies = group.fits.iter().any(|fit| number(fit).is_some());
-            applies.then(|| group.quartiles(number)[1])
-        };
-        let median = |number: &dyn Fn(&Fit) -> Option<f64>| digits(middle(number));
-        let time = |number: &dyn Fn(&Fit) -> Option<f64>| plain(middle(number));
-        let stuck = group.fits.iter().filter(|fit| fit.is_stuck()).count();
-        let stuck = match (group.settings.experiment, stuck) {
-            (Experiment::Sigma, _) => "–".to_owned(),
-            (_, 0) => "0".to_owned(),
-            (_, count) => format!("<span class=\"stuck\">{count}</span>"),
-        };
-        let ours = time(&|fit| fit.outcome.ms_per_step_median);
-        let target = match group.settings.experiment {
-            Experiment::Sigma => "once".to_owned(),
-            _ => time(&|fit| fit.outcome.target_ms_per_step_median),
-        };
-        let seconds = time(&|fit| Some(fit.outcome.wall_seconds));
-        let errors = [
-            median(&|fit| fit.outcome.vertex_error_final),
-            median(&|fit| fit.outcome.vertex_error_tail),
-            median(&|fit| fit.outcome.color_error_final),
-            median(&Fit::sigma_error),
-        ];
-        let _ = write!(
-            html,
-            "<tr><th>{}<td>{}<td>{stuck}<td class=\"first ours\">{ours}<td>{target}<td>{}\
-             <td>{seconds}<td class=\"first\">{}",
-            escaped(&group.name()),
-            group.fits.len(),
-            paper_ms(&group.settings).unwrap_or("–"),
-            errors.join("<td>"),
-        );
+/// Time per step beside the error that it buys, and the paper's time: one row per group.
+pub(crate) fn speed(groups: &[&Group]) -> Section {
+    let columns = [
+        "Fit",
+        "seeds",
+        "stuck",
+        "ours",
+        "target image",
+        "paper’s GPU",
+        "seconds per fit",
+        "vertices",
+        "vertices, last tenth",
+        "colours",
+        "sigma",
+    ];
+    let mut table = Table::new("", "", &columns.map(|title| (title, ""))).with_groups(&[
+        ("", 3),
+        ("ms per step", 3),
+        ("", 1),
+        ("error at the end, median", 4),
+    ]);
+    for part in groups.chunk_by(|a, b| a.settings.experiment == b.settings.experiment) {
+        table.push_part(super::panels::heading(part[0].settings.experiment));
+        part.iter().for_each(|group| table.push(speed_row(group)));
     }
-    html.push_str("</tbody></table></div>");
-    html
+    let note = format!(
+        "Medians over seeds of medians over steps: forward, backward and optimizer of the learnt image; \
+         rendering the target of a new pose is apart, under “target image”. Paper’s GPU: an NVIDIA RTX 3060 \
+         Ti, as printed. Last tenth: the largest error within the last tenth of a run, since Adam at a \
+         constant rate can jump back after it has converged. Stuck: ended farther than {STUCK} from the cube."
+    );
+    let mut section = Section::new("speed", "Time per step, and the error it buys", note);
+    section.push_table(table);
+    section
+}
+
+fn speed_row(group: &Group) -> Vec<Cell> {
+    let median = |number: &dyn Fn(&Fit) -> Option<f64>| {
+        let applies = group.fits.iter().any(|fit| number(fit).is_some());
+        applies.then(|| group.quartiles(number)[1])
+    };
+    let is_of_sigma = group.settings.experiment == Experiment::Sigma;
+    vec![
+        Cell::text(group.name()),
+        Cell::Count(group.fits.len()),
+        match group.fits.iter().filter(|fit| fit.is_stuck()).count() {
+            _ if is_of_sigma => Cell::Nothing,
+            0 => Cell::Count(0),
+            count => Cell::Count(count).flagged(),
+        },
+        Cell::maybe_time(median(&|fit| fit.outcome.ms_per_step_median)).strong(),
+        match is_of_sigma {
+            true => Cell::text("once"),
+            false => Cell::maybe_time(median(&|fit| fit.outcome.target_ms_per_step_median)),
+        },
+        paper_ms(&group.settings).map_or(Cell::Nothing, Cell::text),
+        Cell::maybe_time(median(&|fit| Some(fit.outcome.wall_seconds))),
+        Cell::maybe(median(&|fit| fit.outcome.vertex_error_final)),
+        Cell::maybe(median(&|fit| fit.outcome.vertex_error_tail)),
+        Cell::maybe(median(&|fit| fit.outcome.color_error_final)),
+        Cell::maybe(median(&Fit::sigma_error)),
+    ]
 }
 
 /// How far each vertex ended from its place, under the automorphism that fits best.
@@ -103,8 +113,9 @@ fn diagnosis(fit: &Fit) -> String {
     format!("{far} of {VERTEX_COUNT} vertices away from their places, the farthest by {most:.2}")
 }
 
-/// The fits that did not find the cube, with pictures; `None` where all did.
-pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
+/// The fits that did not find the cube, with pictures; nothing where all did.
+pub(crate) fn stuck(groups: &[&Group]) -> Result<Section, ReportError> {
+    let mut section = Section::new("stuck", "Fits that are stuck", "");
     let fits = || groups.iter().flat_map(|group| group.fits.iter().map(move |fit| (group, fit)));
     // Nothing holds a aliased silhouette: none finds the cube, and the gallery and the table of all
     // fits say so.
@@ -113,18 +124,18 @@ pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
     let all = fits().filter(|(_, fit)| fit.main_error().is_some());
     let all = all.filter(|(_, fit)| fit.settings.experiment != Experiment::Sigma).count();
     if stuck.is_empty() {
-        return Ok(None);
+        return Ok(section);
     }
-    let mut html = format!(
-        "<p>{} of the {all} fits that learn vertices, those with aliased silhouettes aside, end \
-         more than {STUCK} from the cube, and they are in every number of this report. Each is \
-         shown at its end: white the learnt wireframe, yellow the true one.",
+    section.note = format!(
+        "{} of the {all} fits that learn vertices, those with aliased silhouettes aside, end more than \
+         {STUCK} from the cube, and they are in every number of this report. Each is shown at its end: \
+         white the learnt wireframe, yellow the true one.",
         stuck.len()
     );
     if stuck.len() > MOST_PICTURES {
-        let _ = write!(html, " The first {MOST_PICTURES} are shown here.");
+        section.note.push_str(&format!(" The first {MOST_PICTURES} are shown here."));
     }
-    html.push_str("</p><div class=\"cards\">");
+    let mut html = String::from("<div class=\"cards\">");
     for (group, fit) in stuck.iter().take(MOST_PICTURES) {
         let picture = gallery::last_of(fit)?.unwrap_or_default();
         let outcome = &fit.outcome;
@@ -140,79 +151,53 @@ pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
             diagnosis(fit),
         );
     }
-    html.push_str("</div>");
-    Ok(Some(html))
+    section.push_html(html + "</div>");
+    Ok(section)
 }
 
 /// Fits that ended in an error.
-pub(crate) fn failures(failures: &[(CubeSettings, String)]) -> String {
-    let mut html = String::from("<ul>");
+pub(crate) fn failures(failures: &[(CubeSettings, String)]) -> Section {
+    let mut section = Section::new("failures", "Fits that ended in an error", "");
     for (settings, error) in failures {
         let CubeSettings { experiment, preset, resolution, sigma_target, seed, .. } = settings;
-        let error = escaped(error);
-        let _ = write!(
-            html,
-            "<li>{experiment}, {preset}, {resolution} px, σ = {sigma_target}, seed {seed}: {error}"
-        );
+        section.push_failure(format!(
+            "{experiment}, {preset}, {resolution} px, σ = {sigma_target}, seed {seed}: {error}"
+        ));
     }
-    html.push_str("</ul>");
-    html
+    section
 }
 
-/// Every fit: one folded table per group, or per experiment where each group is a single fit.
-pub(crate) fn every_fit(groups: &[&Group]) -> String {
+/// Every fit: one folded table per group, or one in plain sight per experiment where each group is a single
+/// fit.
+pub(crate) fn every_fit(groups: &[&Group]) -> Section {
+    let note = "Each vertex to the place of its number: the vertex error without automorphisms; it is about \
+                1 where a fit found the cube with its corners renamed, which no picture can tell.";
+    let mut section = Section::new("fits", "Every fit", note);
     let single = groups.iter().all(|group| group.fits.len() == 1);
-    let mut html = String::new();
     let together =
         |a: &&Group, b: &&Group| single && a.settings.experiment == b.settings.experiment;
+    let first = if single { "fit" } else { "seed" };
+    let columns = NUMBERS.map(|number| number.0);
+    let columns = [&[(first, first)][..], &columns, &[("", "stuck")]].concat();
     for groups in groups.chunk_by(together) {
         let heading = super::panels::heading(groups[0].settings.experiment);
-        let rows: Vec<(String, &Fit)> = if single {
-            let name = |group: &Group| format!("{}, seed {}", group.name(), group.settings.seed);
-            groups.iter().map(|group| (name(group), &group.fits[0])).collect()
-        } else {
-            let fits = groups.iter().flat_map(|group| &group.fits);
-            fits.map(|fit| (fit.settings.seed.to_string(), fit)).collect()
-        };
-        let title = if single {
-            heading.to_owned()
-        } else {
-            format!("{heading}: {} <small>{} fits</small>", groups[0].name(), rows.len())
-        };
-        let open = if single { " open" } else { "" };
-        let _ = write!(
-            html,
-            "<details{open}><summary>{title}</summary>\
-             <div class=\"scroll\"><table><thead><tr><th>{}<th>vertex error<br>at the end\
-             <th>at the<br>start<th>largest of<br>last tenth<th>own vertex<br>to own place\
-             <th>colour<br>error<th>sigma<th>sigma<br>error<th>loss<br>first<th>loss<br>last\
-             <th>ms per<br>step<th>seconds<th></thead><tbody>",
-            if single { "fit" } else { "seed" },
-        );
-        for (name, fit) in rows {
-            let _ = write!(html, "<tr><th>{}{}", escaped(&name), numbers(fit));
+        let mut table = Table::new("", heading, &columns);
+        if !single {
+            let (name, count) = (groups[0].name(), groups[0].fits.len());
+            table.title = format!("{heading}: {name}, {count} fits");
+            table = table.not_printed();
         }
-        html.push_str("</tbody></table></div></details>");
+        for (group, fit) in
+            groups.iter().flat_map(|group| group.fits.iter().map(move |fit| (group, fit)))
+        {
+            let seed = fit.settings.seed;
+            let name =
+                if single { format!("{}, seed {seed}", group.name()) } else { seed.to_string() };
+            let numbers = NUMBERS.iter().map(|(_, number)| number(fit));
+            let mark = Cell::Flagged(if fit.is_stuck() { "stuck" } else { "" }.to_owned());
+            table.push(std::iter::once(Cell::text(name)).chain(numbers).chain([mark]).collect());
+        }
+        section.push_table(table);
     }
-    html
-}
-
-/// The cells of one fit.
-fn numbers(fit: &Fit) -> String {
-    let outcome = &fit.outcome;
-    let numbers = [
-        outcome.vertex_error_final,
-        outcome.vertex_error_initial,
-        outcome.vertex_error_tail,
-        outcome.vertex_error_plain,
-        outcome.color_error_final,
-        outcome.sigma_final,
-        fit.sigma_error(),
-        Some(outcome.loss_initial),
-        Some(outcome.loss_final),
-    ];
-    let times = [outcome.ms_per_step_median, Some(outcome.wall_seconds)];
-    let mark = if fit.is_stuck() { "<span class=\"stuck\">stuck</span>" } else { "" };
-    let (numbers, times) = (numbers.map(digits).join("<td>"), times.map(plain).join("<td>"));
-    format!("<td>{numbers}<td>{times}<td>{mark}")
+    section
 }

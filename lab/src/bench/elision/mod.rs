@@ -4,17 +4,17 @@
 //! of it. Whatever both give (picture, loss, gradients) must be the same to the bit, and the report
 //! of the second step's tape must name what was left out.
 
-mod page;
 mod pairs;
 mod row;
+mod section;
 mod step;
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
 
-pub use self::page::{elision_markdown, write_elision_page};
 use self::pairs::pairs;
 pub use self::row::Row;
+pub use self::section::section;
 use self::step::{Results, Step};
 use crate::bench::effort::{Effort, GENEROUS};
 use crate::bench::sampling::{Contestant, interleaved};

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 use serde::{Serialize, Serializer, ser::SerializeStruct as _};
 
+use crate::bench::sampling::FEW_SAMPLES;
 use crate::bench::sampling::Timing;
-use crate::bench::table::FEW_SAMPLES;
 
 /// A row: one thing computed, and left out.
 #[derive(Debug, Clone, PartialEq)]

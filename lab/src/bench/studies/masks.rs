@@ -5,14 +5,13 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Cull, Picture, PixelLoss, RasterOptions, Sampling, project, render,
 };
+use bokashi_report::{Cell, Section, Table};
 use glam::DMat4;
 
 use crate::bench::effort::USUAL;
 use crate::bench::sampling::{Contestant, interleaved};
 use crate::bench::scenes::Scene;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
 /// The ways to make a mask.
 const WAYS: [Sampling; 3] = [Sampling::Center, Sampling::Outline, Sampling::Exact];
@@ -122,8 +121,8 @@ fn area(scene: &Scene, sampling: Sampling, radius: f64) -> Result<[f64; 2], FitE
     Ok([area.item(), area.backward()?.get_or_zeros(factor).data()[0]])
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
-    let mut study = Study::new(
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
+    let mut study = Section::new(
         "masks",
         "Silhouette masks",
         String::from(
@@ -162,7 +161,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let timings = interleaved(&mut contestants, bench.effort, USUAL);
             let timings = timings.into_iter().collect::<Result<Vec<_>, _>>();
             let Some(timings) = study.noted(name, timings) else { continue };
-            let times = timings.iter().map(|timing| Cell::timed(timing, 1e3 * timing.minimum));
+            let times = timings.iter().map(|timing| timing.cell(1e3 * timing.minimum));
             let [antialias, outline, exact] = &gradients[..] else { unreachable!("three ways") };
             let errors =
                 [antialias, outline].map(|found| Cell::number(100.0 * error(found, exact)));
@@ -194,6 +193,6 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             radius.push(cells);
         }
     }
-    study.tables.extend([costs, radius]);
+    study.push_tables([costs, radius]);
     Ok(study)
 }

@@ -12,12 +12,12 @@ mod silhouettes;
 mod surfaces;
 
 use bokashi_fit::FitError;
+use bokashi_report::Section;
 
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
 
 /// Does a study.
-type Do = fn(&Bench) -> Result<Study, FitError>;
+type Do = fn(&Bench) -> Result<Section, FitError>;
 
 /// The study of meshes from files: without a file a full run leaves it out.
 pub const MESHES: &str = "meshes";

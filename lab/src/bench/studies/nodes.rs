@@ -10,13 +10,12 @@ use bokashi_core::{
 };
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{Blur, Cull, gaussian_blur};
+use bokashi_report::{Cell, Section, Table};
 
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::render;
 use crate::bench::scenes::Scene;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
 /// The blur at the end of the pipeline, in pixels.
 const SIGMA: f64 = 1.5;
@@ -94,10 +93,10 @@ impl Start {
     }
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let pixels = bench.effort.choose(32, 256);
     let times = bench.effort.samples(1e-3, USUAL) as u32;
-    let mut study = Study::new(
+    let mut study = Section::new(
         "nodes",
         "A pipeline in f32 beside f64, node by node",
         format!(
@@ -125,7 +124,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ],
     );
     let start = Start::new(pixels)?;
-    let measured = bench.one().install(|| Ok((start.reports(times)?, start.errors()?)));
+    let measured =
+        bench.one().install(|| Ok::<_, FitError>((start.reports(times)?, start.errors()?)));
     if let Some(((single, double), [values, gradients])) = study.noted("a step", measured) {
         let leaves = gradients.iter().filter(|error| error.operation.is_none());
         for (name, leaf) in LEAVES.into_iter().zip(leaves) {
@@ -152,7 +152,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             table.push(row);
         }
     }
-    study.tables.push(table);
+    study.push_table(table);
     Ok(study)
 }
 

@@ -7,7 +7,7 @@
 use bokashi_core::Scalar;
 use bokashi_fit::FitError;
 use bokashi_render_ops::Cull;
-use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_report::{Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table};
 use rayon::ThreadPool;
 
 use crate::bench::effort::GENEROUS;
@@ -15,8 +15,6 @@ use crate::bench::pipeline::{Compared, Learner, contestant};
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::{Scene, scenes};
 use crate::bench::setting::Bench;
-use crate::bench::study::{Figures, Study};
-use crate::bench::table::{Cell, Table};
 
 /// DEODR 0.2.3, forward and backward, median milliseconds on a machine of this kind: used where no
 /// run on this machine is given.
@@ -73,13 +71,13 @@ impl Way {
     }
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let given = bench.peers_of("scenes").any(|peer| peer.name == "DEODR");
     let source = match given {
         true => "was timed on this machine (minimum; ours are minima too)",
         false => "is as measured on another machine of this kind (median): compare orders only",
     };
-    let mut study = Study::new(
+    let mut study = Section::new(
         "scenes",
         "A step, beside DEODR",
         format!(
@@ -154,9 +152,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 Cell::text(back),
                 Cell::text(if way.compared == Compared::Picture { "picture" } else { "image" }),
                 Cell::Count(way.pool + 1),
-                Cell::timed(&timing, 1e3 * timing.minimum),
-                Cell::timed(&timing, 1e3 * timing.median),
-                Cell::timed(&timing, 100.0 * timing.spread()),
+                timing.cell(1e3 * timing.minimum),
+                timing.cell(1e3 * timing.median),
+                timing.cell(100.0 * timing.spread()),
                 Cell::Count(timing.samples),
             ]);
         }
@@ -168,7 +166,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let usual = |pool| of("f32", Cull::Back, Compared::Picture, pool);
         let cell = |precision, cull, compared, pool| {
             let timing = of(precision, cull, compared, pool);
-            timing.map_or(Cell::Nothing, |timing| Cell::timed(timing, 1e3 * timing.minimum))
+            timing.map_or(Cell::Nothing, |timing| timing.cell(1e3 * timing.minimum))
         };
         let times = |pool| {
             let ours = usual(pool);
@@ -208,26 +206,12 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let legend =
         names.iter().enumerate().map(|(at, name)| (name.clone(), PALETTE[at], Stroke::Solid));
     let curves = cube.into_iter().enumerate();
-    let curves =
-        curves.map(|(color, points)| Curve { color, stroke: Stroke::Solid, dots: true, points });
-    study.figures.push(Figures {
-        heading: None,
-        is_folded: false,
-        legend: legend.collect(),
-        panels: vec![Panel {
-            title: "The cube: time per step; bands: to the upper quartile".to_owned(),
-            figure: Figure {
-                x: Scale::Counts,
-                y: Scale::Seconds,
-                x_title: "width and height, pixels",
-                size: SIZES[0],
-                spoken: "time of a step on the cube against the size of the image".to_owned(),
-                curves: curves.collect(),
-                marks: Vec::new(),
-            },
-        }],
-    });
-    study.tables.extend([summary, all]);
+    let curves = curves.map(|(color, points)| Curve::new(color, Stroke::Solid, points).with_dots());
+    let title = "The cube: time per step; bands: to the upper quartile";
+    let x = (Scale::Counts, "width and height, pixels");
+    let panel = Figure::new(title, x, Scale::Seconds, curves);
+    study.push_figures(Figures::new([panel], legend));
+    study.push_tables([summary, all]);
     Ok(study)
 }
 

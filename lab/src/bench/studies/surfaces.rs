@@ -11,6 +11,7 @@ use bokashi_render_ops::{
     Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Radius, Sampler, Texture,
     TextureFilter, depth_of_field, gaussian_blur, sample_texture,
 };
+use bokashi_report::{Cell, Section, Table};
 use glam::{DMat4, DVec3};
 
 use super::operations::{metal, shaded, textured, wall};
@@ -20,8 +21,6 @@ use crate::bench::pipeline::render;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::Scene;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
 /// The largest standard deviation of the lens, in pixels, and that of the blur beside it.
 const APERTURE: f64 = 6.0;
@@ -93,9 +92,9 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
     all
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let pixels = bench.effort.choose(32, 1024);
-    let mut study = Study::new(
+    let mut study = Section::new(
         "surfaces",
         "Textures, light and a lens on a million fragments",
         format!(
@@ -148,10 +147,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             table.push(vec![
                 Cell::text(label),
                 Cell::Count(pool.current_num_threads()),
-                Cell::timed(&forward, 1e3 * forward.minimum),
-                Cell::timed(&both, 1e3 * both.minimum),
-                Cell::timed(&step, 1e3 * step.minimum),
-                Cell::timed(&step, 1e3 * step.median),
+                forward.cell(1e3 * forward.minimum),
+                both.cell(1e3 * both.minimum),
+                step.cell(1e3 * step.minimum),
+                step.cell(1e3 * step.median),
                 Cell::number(errors[0]),
                 Cell::number(errors[1]),
             ]);
@@ -175,10 +174,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             Cell::maybe(both.and_then(|peer| peer.error)),
         ]);
     }
-    study.tables.push(table);
+    study.push_table(table);
     let views = side_by_side(bench, &mut study);
     let views = study.noted("views", views);
-    study.tables.extend(views);
+    study.push_tables(views);
     Ok(study)
 }
 
@@ -207,7 +206,7 @@ fn fit_of_views(scene: &Scene) -> Result<(Fit<f32>, impl Pipeline<f32> + Send), 
 }
 
 /// Eight views on each number of threads.
-fn side_by_side(bench: &Bench, study: &mut Study) -> Result<Table, FitError> {
+fn side_by_side(bench: &Bench, study: &mut Section) -> Result<Table, FitError> {
     let scene = match bench.effort.choose(true, false) {
         true => Scene::sphere("sphere1k", 32, 17, 32)?,
         false => Scene::sphere("sphere20k", 144, 70, 256)?,
@@ -241,8 +240,8 @@ fn side_by_side(bench: &Bench, study: &mut Study) -> Result<Table, FitError> {
         table.push(vec![
             Cell::text(&scene.name),
             Cell::Count(pool.current_num_threads()),
-            Cell::timed(&timing, 1e3 * timing.minimum),
-            Cell::timed(&timing, 1e3 * timing.median),
+            timing.cell(1e3 * timing.minimum),
+            timing.cell(1e3 * timing.median),
             Cell::text(if *own == learnt[0] { "yes" } else { "NO" }),
         ]);
     }

@@ -1,6 +1,6 @@
 //! Points of time and error, and their figures.
 
-use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_report::{Curve, Figure, PALETTE, Scale, Stroke};
 
 use super::input::Quantity;
 
@@ -24,38 +24,18 @@ pub(super) struct Line {
 }
 
 /// The figure of one quantity.
-pub(super) fn panel(
-    lines: &[Line],
-    quantity: Quantity,
-    pixels: usize,
-    sigma: f64,
-    points: &[Point],
-) -> Panel {
-    let place = |point: &Point| {
-        let error = point.error;
-        [point.seconds_per_pixel, error, error, error]
-    };
+pub(super) fn panel(lines: &[Line], quantity: Quantity, points: &[Point]) -> Figure {
+    let place = |point: &Point| (point.seconds_per_pixel, point.error);
     let mut curves = Vec::new();
     for (at, &Line { color, stroke, .. }) in lines.iter().enumerate() {
         let mut points: Vec<_> =
             points.iter().filter(|point| point.line == at).map(place).collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        curves.push(Curve { color, stroke, dots: true, points });
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        curves.push(Curve::line(color, stroke, points).with_dots());
     }
-    let front = front(points).into_iter().map(|(x, y)| [x, y, y, y]).collect();
-    curves.push(Curve { color: FRONT, stroke: Stroke::Dotted, dots: false, points: front });
-    Panel {
-        title: format!("{}: relative error", capital(quantity.name())),
-        figure: Figure {
-            x: Scale::Seconds,
-            y: Scale::Logarithmic,
-            x_title: "time per pixel",
-            size: SIZES[1],
-            spoken: format!("{}, {pixels} px, sigma {sigma}: error against time", quantity.name()),
-            curves,
-            marks: Vec::new(),
-        },
-    }
+    curves.push(Curve::line(FRONT, Stroke::Dotted, front(points)));
+    let title = format!("{}: relative error", capital(quantity.name()));
+    Figure::new(title, (Scale::Seconds, "time per pixel"), Scale::Logarithmic, curves)
 }
 
 fn capital(text: &str) -> String {

@@ -15,7 +15,7 @@ mod tests;
 
 use bokashi_fit::FitError;
 use bokashi_render_ops::Kernel;
-use bokashi_report::{PALETTE, Stroke};
+use bokashi_report::{Cell, Figures, PALETTE, Section, Stroke, Table};
 
 use self::algorithm::{ALGORITHMS, EXACT, KERNELS};
 use self::figure::{FRONT, Line, Point, panel};
@@ -24,8 +24,6 @@ use self::targets::targets;
 use crate::bench::effort::USUAL;
 use crate::bench::sampling::{Timing, interleaved};
 use crate::bench::setting::Bench;
-use crate::bench::study::{Figures, Study};
-use crate::bench::table::{Cell, Table};
 
 const TOLERANCES: [f64; 4] = [1e-2, 1e-4, 1e-6, 1e-8];
 const SIGMAS: [f64; 6] = [0.1, 0.5, 1.0, 4.0, 16.0, 64.0];
@@ -34,8 +32,8 @@ const PIXELS: [usize; 3] = [32, 256, 1024];
 const SMALL: usize = 256;
 const SIGMAS_OF_LARGE: [f64; 3] = [1.0, 4.0, 64.0];
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
-    let mut study = Study::new(
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
+    let mut study = Section::new(
         "blur",
         "A blur: time against error",
         format!(
@@ -51,7 +49,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             TOLERANCES.map(|tolerance| format!("{tolerance:e}")).join(", ")
         ),
     );
-    study.tables.push(targets(bench, &mut study.failures)?);
+    let targets = targets(bench, &mut study)?;
     let peers = bench.peer_names("blur");
     let lines = lines(&peers);
     let mut table = Table::new(
@@ -106,24 +104,24 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                     points.extend(peer_points(bench, &peers, pixels, sigma));
                     beside.push(beside_libraries(&points, &lines, pixels, sigma));
                 }
-                panels.push(panel(&lines, quantity, pixels, sigma, &points));
+                panels.push(panel(&lines, quantity, &points));
             }
             let legend =
                 lines.iter().map(|line| (line.name.clone(), PALETTE[line.color], line.stroke));
             let front = ("Pareto front".to_owned(), PALETTE[FRONT], Stroke::Dotted);
-            study.figures.push(Figures {
-                // One of each size is in plain sight.
+            let figures = Figures::new(panels, legend.chain([front]));
+            // One of each size is in plain sight.
+            study.push_figures(Figures {
                 is_folded: sigma != 4.0,
-                heading: Some(format!("{pixels} px, sigma {sigma}")),
-                legend: legend.chain([front]).collect(),
-                panels,
+                ..figures.with_heading(format!("{pixels} px, sigma {sigma}"))
             });
         }
     }
+    study.push_table(targets);
     if !peers.is_empty() {
-        study.tables.push(beside);
+        study.push_table(beside);
     }
-    study.tables.push(table);
+    study.push_table(table);
     Ok(study)
 }
 
@@ -174,7 +172,7 @@ impl Rivals<'_> {
     fn measure(
         &self,
         bench: &Bench,
-        study: &mut Study,
+        study: &mut Section,
         table: &mut Table,
     ) -> Result<Vec<Point>, FitError> {
         let &Self { quantity, input, references, pixels } = self;
@@ -216,9 +214,9 @@ impl Rivals<'_> {
                 Cell::text(algorithm.name),
                 Cell::number(tolerance),
                 Cell::number(error),
-                Cell::timed(&timing, 1e9 * timing.minimum / area),
-                Cell::timed(&timing, 1e9 * timing.median / area),
-                Cell::timed(&timing, 100.0 * timing.spread()),
+                timing.cell(1e9 * timing.minimum / area),
+                timing.cell(1e9 * timing.median / area),
+                timing.cell(100.0 * timing.spread()),
                 Cell::Count(timing.samples),
             ]);
         }

@@ -2,6 +2,7 @@
 
 use bokashi_fit::FitError;
 use bokashi_render_ops::{Blur, Kernel};
+use bokashi_report::{Cell, Section, Table};
 use rayon::ThreadPool;
 
 use super::algorithm::{Algorithm, USED};
@@ -9,7 +10,6 @@ use super::input::{Input, Quantity};
 use crate::bench::effort::USUAL;
 use crate::bench::sampling::interleaved;
 use crate::bench::setting::Bench;
-use crate::bench::table::{Cell, Table};
 
 /// Forward and backward to the image and sigma, f32, where others were measured: pixels, sigma,
 /// threads, and torch's median milliseconds on a machine of this kind.
@@ -58,8 +58,8 @@ fn name(kernel: Kernel) -> &'static str {
     }
 }
 
-/// The table; what ends in an error is added to `failures`.
-pub(super) fn targets(bench: &Bench, failures: &mut Vec<String>) -> Result<Table, FitError> {
+/// The table; what ends in an error is noted in `study`.
+pub(super) fn targets(bench: &Bench, study: &mut Section) -> Result<Table, FitError> {
     let mut table = Table::new(
         "blur_targets",
         "Forward and backward to the image and sigma, f32, at the largest tolerance (a power of ten) \
@@ -93,22 +93,16 @@ pub(super) fn targets(bench: &Bench, failures: &mut Vec<String>) -> Result<Table
         let mut contestants: Vec<_> = found.iter().map(contestant).collect();
         let timings = interleaved(&mut contestants, bench.effort, USUAL);
         for ((algorithm, candidate), timing) in found.iter().zip(timings) {
-            let timing = match timing {
-                Ok(timing) => timing,
-                Err(error) => {
-                    failures
-                        .push(format!("{}, {pixels} px, sigma {sigma}: {error}", algorithm.name));
-                    continue;
-                }
-            };
+            let what = format!("{}, {pixels} px, sigma {sigma}", algorithm.name);
+            let Some(timing) = study.noted(&what, timing) else { continue };
             let mut row = vec![
                 Cell::Count(pixels),
                 Cell::number(sigma),
                 Cell::Count(pool.current_num_threads()),
                 Cell::text(name(algorithm.kernel)),
                 Cell::number(candidate.tolerance),
-                Cell::timed(&timing, 1e3 * timing.minimum),
-                Cell::timed(&timing, 1e3 * timing.median),
+                timing.cell(1e3 * timing.minimum),
+                timing.cell(1e3 * timing.median),
                 Cell::maybe(torch),
             ];
             row.extend(candidate.errors.map(Cell::number));

@@ -13,12 +13,10 @@ use bokashi_fit::FitError;
 use bokashi_paper::{
     CubeSettings, Experiment, Outcome, Precision, Preset, Record, STUCK, Silhouettes, run_cube,
 };
-use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
+use bokashi_report::{Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table};
 
 use self::supersampled::TIMES;
 use crate::bench::setting::Bench;
-use crate::bench::study::{Figures, Study};
-use crate::bench::table::{Cell, Table};
 
 /// A way to draw silhouettes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -184,31 +182,12 @@ fn tabulate(case: &Case, all: &[Runs], [to_errors, ends]: [&mut Table; 2]) {
 }
 
 /// The vertex error of a case against time: medians over the seeds, and quartiles as bands.
-fn panel(case: &Case, all: &[Runs]) -> Panel {
+fn panel(case: &Case, all: &[Runs]) -> Figure {
     let curves = (0..WAYS.len()).map(|with| {
-        let count = all.first().map_or(0, |runs| runs[with].curve.len());
-        let point = |at: usize| {
-            let column = |entry: usize| all.iter().map(move |runs| runs[with].curve[at][entry]);
-            let ([_, seconds, _], [low, middle, high]) =
-                (quartiles(column(0)), quartiles(column(1)));
-            [seconds, low, middle, high]
-        };
-        let points = (0..count).map(point).collect();
-        Curve { color: with, stroke: Stroke::Solid, dots: false, points }
+        Curve::medians(with, &all.iter().map(|runs| &*runs[with].curve).collect::<Vec<_>>())
     });
-    let what = format!("{}, {} px", case.name(), case.pixels);
-    Panel {
-        title: format!("Vertex error: {what}"),
-        figure: Figure {
-            x: Scale::Seconds,
-            y: Scale::Logarithmic,
-            x_title: "wall-clock time",
-            size: SIZES[0],
-            spoken: format!("vertex error against time for three ways: {what}"),
-            curves: curves.collect(),
-            marks: Vec::new(),
-        },
-    }
+    let title = format!("Vertex error: {}, {} px", case.name(), case.pixels);
+    Figure::new(title, (Scale::Seconds, "wall-clock time"), Scale::Logarithmic, curves)
 }
 
 fn tables() -> [Table; 2] {
@@ -244,11 +223,11 @@ fn tables() -> [Table; 2] {
     ]
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let seeds: u64 = bench.effort.choose(2, 20);
     let steps = bench.effort.choose(60, 3_000);
     let title = "Steps and seconds to an error: antialias, supersampling, exact coverage";
-    let mut study = Study::new("fits", title, "");
+    let mut study = Section::new("fits", title, "");
     let [mut to_errors, mut ends] = tables();
     let (mut panels, mut every) = (Vec::new(), Vec::new());
     for case in &CASES {
@@ -276,13 +255,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
          coverage leaves {with_exact}, of which {antialias_frees} come free with antialias.",
     );
     let legend = WAYS.iter().zip(PALETTE);
-    study.figures.push(Figures {
-        heading: None,
-        is_folded: false,
-        legend: legend.map(|(way, color)| (way.name(), color, Stroke::Solid)).collect(),
-        panels,
-    });
-    study.tables.extend([to_errors, ends]);
+    let legend = legend.map(|(way, color)| (way.name(), color, Stroke::Solid));
+    study.push_figures(Figures::new(panels, legend));
+    study.push_tables([to_errors, ends]);
     Ok(study)
 }
 
@@ -351,6 +326,6 @@ mod tests {
         let text = ends.markdown();
         assert!(text.contains("| 2 of 3 | – ") && text.contains("| 1 of 3 | 2 of 2 "), "{text}");
         let panel = panel(&CASES[0], &all);
-        assert_eq!(panel.figure.curves[0].points[1], [2e-3, 0.1, 0.2, 0.2]);
+        assert_eq!(panel.curves[0].points[1], [2e-3, 0.1, 0.2, 0.2]);
     }
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
 use bokashi_render_ops::{Cull, Size};
-use bokashi_report::quartiles;
+use bokashi_report::{Cell, Section, Table, quartiles};
 use rayon::ThreadPool;
 
 use self::cameras::cameras;
@@ -19,8 +19,6 @@ use crate::bench::mesh_file::MeshFile;
 use crate::bench::sampling::{Contestant, interleaved};
 use crate::bench::scenes::Scene;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
 /// Along either side of the images, quick and full.
 const PIXELS: [&[usize]; 2] = [&[32], &[256, 512, 1024]];
@@ -194,8 +192,8 @@ fn tables() -> [Table; 4] {
     ]
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
-    let mut study = Study::new(
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
+    let mut study = Section::new(
         "meshes",
         "Meshes from files",
         format!(
@@ -241,7 +239,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let done = errors(bench, file, &mut truths);
         study.noted(&what, done);
     }
-    study.tables.extend([meshes, costs, counts, truths]);
+    study.push_tables([meshes, costs, counts, truths]);
     Ok(study)
 }
 

@@ -8,6 +8,7 @@ mod inputs;
 
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
+use bokashi_report::{Cell, Section, Table};
 
 pub(super) use self::cases::{metal, shaded, textured};
 pub(super) use self::inputs::wall;
@@ -18,13 +19,11 @@ use crate::bench::effort::USUAL;
 use crate::bench::operation::{Runner, errors};
 use crate::bench::sampling::Timing;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let pixels = bench.effort.choose(32, 256);
     let samples = bench.effort.samples(1e-3, USUAL);
-    let mut study = Study::new(
+    let mut study = Section::new(
         "operations",
         "Every operation in f32 and in f64",
         format!(
@@ -63,7 +62,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 seconds[0].push(single.step(scene)?.both());
                 seconds[1].push(double.step(scene)?.both());
             }
-            Ok((errors(&found, &exact), seconds, entries))
+            Ok::<_, FitError>((errors(&found, &exact), seconds, entries))
         };
         let Some((errors, seconds, entries)) = study.noted(label, bench.one().install(&mut sample))
         else {
@@ -74,16 +73,16 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let count = if is_tensor { entries } else { pixels * pixels } as f64;
         table.push(vec![
             Cell::text(label),
-            Cell::timed(&single, 1e9 * single.minimum / count),
-            Cell::timed(&single, 1e9 * single.median / count),
-            Cell::timed(&double, 1e9 * double.minimum / count),
-            Cell::timed(&double, 1e9 * double.median / count),
+            single.cell(1e9 * single.minimum / count),
+            single.cell(1e9 * single.median / count),
+            double.cell(1e9 * double.minimum / count),
+            double.cell(1e9 * double.median / count),
             Cell::number(double.minimum / single.minimum),
             Cell::number(errors[0]),
             Cell::number(errors[1]),
         ]);
     }
-    study.tables.push(table);
+    study.push_table(table);
     Ok(study)
 }
 

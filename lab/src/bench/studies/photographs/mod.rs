@@ -16,14 +16,12 @@ use bokashi_render_ops::{
     Silhouettes, Size, Texture, TextureBorder, TextureFilter, downsample, interpolate_indexed,
     project, rasterize, sample_texture, se3,
 };
-use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
+use bokashi_report::{Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table};
 use glam::DMat4;
 
 use self::object::{MOST_DEGREES, MOST_MOVED, Object, PoseError, camera, poses};
 use self::photograph::photograph;
 use crate::bench::setting::Bench;
-use crate::bench::study::{Figures, Study};
-use crate::bench::table::{Cell, Table};
 
 /// Along either side of the images, quick and full.
 const PIXELS: [&[usize]; 2] = [&[16], &[32, 64, 128]];
@@ -236,31 +234,12 @@ fn tabulate(pixels: usize, seeds: &[Seed], [ends, to_errors]: [&mut Table; 2]) {
 }
 
 /// How far vertices are off against time: medians over the seeds, and quartiles as bands.
-fn panel(pixels: usize, seeds: &[Seed]) -> Panel {
+fn panel(pixels: usize, seeds: &[Seed]) -> Figure {
     let curves = (0..WAYS.len()).map(|with| {
-        let count = seeds.first().map_or(0, |seed| seed.runs[with].curve.len());
-        let point = |at: usize| {
-            let column =
-                |entry: usize| seeds.iter().map(move |one| one.runs[with].curve[at][entry]);
-            let ([_, seconds, _], [low, middle, high]) =
-                (quartiles(column(0)), quartiles(column(1)));
-            [seconds, low, middle, high]
-        };
-        let points = (0..count).map(point).collect();
-        Curve { color: with, stroke: Stroke::Solid, dots: false, points }
+        Curve::medians(with, &seeds.iter().map(|one| &*one.runs[with].curve).collect::<Vec<_>>())
     });
-    Panel {
-        title: format!("Pose error in pixels: {pixels} px"),
-        figure: Figure {
-            x: Scale::Seconds,
-            y: Scale::Logarithmic,
-            x_title: "wall-clock time",
-            size: SIZES[0],
-            spoken: format!("pose error against time for three ways at {pixels} pixels"),
-            curves: curves.collect(),
-            marks: Vec::new(),
-        },
-    }
+    let title = format!("Pose error in pixels: {pixels} px");
+    Figure::new(title, (Scale::Seconds, "wall-clock time"), Scale::Logarithmic, curves)
 }
 
 fn tables() -> [Table; 3] {
@@ -303,11 +282,11 @@ fn tables() -> [Table; 3] {
     ]
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let seeds: u64 = bench.effort.choose(2, 20);
     let steps = bench.effort.choose(40, 400);
     let cells: usize = bench.effort.choose(8, 64);
-    let mut study = Study::new(
+    let mut study = Section::new(
         "photographs",
         "A pose from a photograph",
         format!(
@@ -345,13 +324,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         panels.push(panel(pixels, &found));
     }
     let legend = WAYS.iter().zip(PALETTE);
-    study.figures.push(Figures {
-        heading: None,
-        is_folded: false,
-        legend: legend.map(|(way, color)| (way.name().to_owned(), color, Stroke::Solid)).collect(),
-        panels,
-    });
-    study.tables.extend([ends, to_errors, known]);
+    let legend = legend.map(|(way, color)| (way.name().to_owned(), color, Stroke::Solid));
+    study.push_figures(Figures::new(panels, legend));
+    study.push_tables([ends, to_errors, known]);
     Ok(study)
 }
 

@@ -1,30 +1,22 @@
 //! Errors against times.
 
-use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_report::{Curve, Figure, Figures, PALETTE, Scale, Stroke};
 
 use super::method::METHODS;
 use super::row::Row;
-use crate::bench::study::Figures;
 
 /// A panel per scene, with a curve per method through the scene's sizes.
 pub(super) fn figures(rows: &[Row]) -> Figures {
-    let panels = rows.chunk_by(|row, next| row.case == next.case).map(panel).collect();
+    let panels = rows.chunk_by(|row, next| row.case == next.case).map(panel);
     let legend = METHODS.iter().enumerate();
     let legend = legend
         .map(|(at, method)| (method.name.to_owned(), PALETTE[at % PALETTE.len()], Stroke::Solid));
-    Figures {
-        heading: Some(
-            "Relative error of the gradient, a dot per size; bands: least and largest".to_owned(),
-        ),
-        is_folded: false,
-        legend: legend.collect(),
-        panels,
-    }
+    Figures::new(panels, legend)
+        .with_heading("Relative error of the gradient, a dot per size; bands: least and largest")
 }
 
 /// That of one scene.
-fn panel(rows: &[Row]) -> Panel {
-    let title = rows[0].case.clone();
+fn panel(rows: &[Row]) -> Figure {
     let point = |row: &Row, at: usize| {
         let [least, median, largest] = row.errors[at].of_gradient();
         row.timings[at].as_ref().map(|timing| [timing.minimum, least, median, largest])
@@ -32,18 +24,8 @@ fn panel(rows: &[Row]) -> Panel {
     let curve = |color: usize| {
         let mut points: Vec<_> = rows.iter().filter_map(|row| point(row, color)).collect();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        Curve { color, stroke: Stroke::Solid, dots: true, points }
+        Curve::new(color, Stroke::Solid, points).with_dots()
     };
-    Panel {
-        figure: Figure {
-            x: Scale::Seconds,
-            y: Scale::Logarithmic,
-            x_title: "time of an image and its gradient",
-            size: SIZES[1],
-            spoken: format!("error of the gradient against time: {title}"),
-            curves: (0..METHODS.len()).map(curve).collect(),
-            marks: Vec::new(),
-        },
-        title,
-    }
+    let x = (Scale::Seconds, "time of an image and its gradient");
+    Figure::new(&*rows[0].case, x, Scale::Logarithmic, (0..METHODS.len()).map(curve))
 }

@@ -15,6 +15,7 @@ mod truth;
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
 use bokashi_render_ops::Cull;
+use bokashi_report::{Cell, Section, Table};
 
 use self::cases::{Case, Kind};
 use self::figure::figures;
@@ -25,8 +26,6 @@ use crate::bench::effort::USUAL;
 use crate::bench::sampling::{Contestant, interleaved};
 use crate::bench::scenes::Scene;
 use crate::bench::setting::Bench;
-use crate::bench::study::Study;
-use crate::bench::table::{Cell, Table};
 
 /// The sizes of the images, in pixels: each a divisor of the last one.
 const PIXELS: [usize; 4] = [8, 16, 32, 64];
@@ -73,7 +72,7 @@ impl Subject {
 /// Measures a case at `sizes`.
 fn measure(
     bench: &Bench,
-    study: &mut Study,
+    study: &mut Section,
     kind: &Kind,
     sizes: &[usize],
 ) -> Result<Vec<Row>, FitError> {
@@ -143,9 +142,9 @@ pub(super) fn errors_of(
     Ok(found)
 }
 
-pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let mut study =
-        Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
+        Section::new("silhouettes", "The gradient of a silhouette, against the true one", "");
     let mut rows = Vec::new();
     let own = cases::cases(bench.effort);
     for kind in &own {
@@ -171,10 +170,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         cases::SHIFT,
         bench.effort.choose(1, own[1].seeds),
     );
-    study.figures.push(figures(&rows));
+    study.push_figures(figures(&rows));
     let percent = |share: f64| Cell::number(100.0 * share);
     let noise = |row: &Row| percent(row.noise);
-    study.tables.extend([
+    study.push_tables([
         table(
             &rows,
             "silhouettes",
@@ -198,7 +197,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             "Milliseconds of an image and its gradient, one thread",
             None,
             &|row, at| match &row.timings[at] {
-                Some(timing) => Cell::timed(timing, 1e3 * timing.minimum),
+                Some(timing) => timing.cell(1e3 * timing.minimum),
                 None => Cell::Nothing,
             },
         ),

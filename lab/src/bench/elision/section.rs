@@ -1,15 +1,15 @@
-//! The rows in print and as a page.
+//! The rows as a section of a page.
 
-use std::path::{Path, PathBuf};
-
-use bokashi_report::{Document, ReportError, Section, add_page, escaped};
+use bokashi_report::{Cell, Section, Table};
 
 use super::row::Row;
-use crate::bench::effort::Effort;
-use crate::bench::page::write_csv;
-use crate::bench::setting::method;
-use crate::bench::study::wrapped;
-use crate::bench::table::{Cell, Table};
+
+/// The rows as a section.
+pub fn section(rows: &[Row]) -> Section {
+    let mut section = Section::new("rows", "With and without", NOTE);
+    section.push_table(table(rows));
+    section
+}
 
 /// The rows as a table.
 fn table(rows: &[Row]) -> Table {
@@ -35,12 +35,12 @@ fn table(rows: &[Row]) -> Table {
         let Row { with, without, .. } = row;
         table.push(vec![
             Cell::text(row.row),
-            Cell::timed(with, row.microseconds_with()),
-            Cell::timed(with, 1e6 * with.median),
-            Cell::timed(without, row.microseconds_without()),
-            Cell::timed(without, 1e6 * without.median),
+            with.cell(row.microseconds_with()),
+            with.cell(1e6 * with.median),
+            without.cell(row.microseconds_without()),
+            without.cell(1e6 * without.median),
             Cell::number(without.minimum / with.minimum),
-            Cell::timed(with, 100.0 * with.spread().max(without.spread())),
+            with.cell(100.0 * with.spread().max(without.spread())),
             Cell::text(row.verdict()),
             Cell::Count(with.samples.min(without.samples)),
             Cell::text(if row.bitwise_equal() { "yes" } else { "NO" }),
@@ -69,35 +69,3 @@ const NOTE: &str = "Each step is taken with one thing computed and without it, o
     step with all gradients. The picture, the loss, and each gradient that both steps have are \
     compared. Samples of both are taken in turns. Times are equal where the ranges between their \
     quartiles meet; the wider range is given as a share of its median.";
-
-/// The rows as Markdown.
-pub fn elision_markdown(rows: &[Row], effort: Effort) -> String {
-    let method = wrapped(&method(effort));
-    format!("{method}\n\n{}\n\n{}", wrapped(NOTE), table(rows).markdown())
-}
-
-/// Writes the page `elision.html` and `elision-rows.csv` into `folder`; returns the path of the page.
-///
-/// # Errors
-/// [`ReportError::Write`] where the file system refuses.
-pub fn write_elision_page(
-    rows: &[Row],
-    effort: Effort,
-    footer: &str,
-    folder: &Path,
-) -> Result<PathBuf, ReportError> {
-    let table = table(rows);
-    let page = Document {
-        title: "Bokashi: what is left out".to_owned(),
-        heading: "What a scene does not need".to_owned(),
-        introduction: escaped(&method(effort)),
-        sections: vec![Section {
-            id: "rows",
-            title: "With and without",
-            body: format!("<p>{}</p>{}", escaped(NOTE), table.html()),
-        }],
-        footer: format!("{footer} Beside this page: <code>elision-rows.csv</code>."),
-    };
-    write_csv(&table, "elision", folder)?;
-    add_page(folder, "elision.html", &page.html())
-}
