@@ -3,4 +3,6 @@
 mod elision;
 mod fuzz_corpus;
 mod program;
+#[path = "../../crates/cli/tests/program/run.rs"]
+mod run;
 mod stiff;

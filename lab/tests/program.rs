@@ -6,47 +6,11 @@ use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
+use crate::run::{files, folder, loads_nothing, object, run, text, write};
+
 /// Runs the program in `folder`.
 fn lab(folder: &Path, line: &str) -> Output {
-    let words = line.split_whitespace();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi-lab"));
-    command.args(words).current_dir(folder).stdin(Stdio::null());
-    command.output().expect("the program starts")
-}
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
-}
-
-/// Every file below a folder, hidden ones too, by path.
-fn files(folder: &Path) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut open = vec![folder.to_owned()];
-    while let Some(next) = open.pop() {
-        for entry in fs::read_dir(next).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                let below = path.strip_prefix(folder).expect("below");
-                found.push(below.to_string_lossy().replace('\\', "/"));
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("text")
-}
-
-/// The object on standard output, alone there.
-fn object(output: &Output) -> Value {
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
-    let value: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
-    assert_eq!(text(&output.stdout).lines().count(), 1);
-    value
+    run(env!("CARGO_BIN_EXE_bokashi-lab"), folder, &line.split_whitespace().collect::<Vec<_>>())
 }
 
 #[test]
@@ -91,13 +55,6 @@ fn every_row_of_the_grid_passes_and_is_printed_kept_and_added_to_a_report() {
         assert_eq!(row["error"].is_number(), row["bound"].is_number(), "{row}");
         assert!(!row["case"].is_null() || row["expected"] == "an error", "{row}");
         assert!(row["case"] != 21 || row["error"].is_number(), "{row}");
-    }
-}
-
-/// The pages of a report load nothing from elsewhere.
-fn loads_nothing(page: &str) {
-    for loads in ["<script", "src=\"http", "href=\"http", "url(", "@import", "<link"] {
-        assert!(!page.contains(loads), "{loads}");
     }
 }
 
@@ -291,15 +248,10 @@ fn help_and_version_are_status_0() {
 #[test]
 fn models_of_others_are_counted_and_refusals_say_why() {
     let folder = folder();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
-        fs::write(path, text).expect("a file");
-    };
-    write("m/a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    write("m/below/B.OBJ", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
-    write("m/below/c.ply", "plx");
-    write("m/d.stl", "no mesh that is read");
+    write(folder.path(), "m/a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write(folder.path(), "m/below/B.OBJ", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    write(folder.path(), "m/below/c.ply", "plx");
+    write(folder.path(), "m/d.stl", "no mesh that is read");
     let output = lab(folder.path(), "models m --expect obj=1/2 --expect ply=0/1 --json m.json");
     let said = text(&output.stdout);
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");

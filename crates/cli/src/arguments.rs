@@ -146,6 +146,13 @@ pub(crate) struct FitArguments {
     pub(crate) quiet: bool,
 }
 
+impl FitArguments {
+    /// The folder for results.
+    pub(crate) fn out(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new(USUAL_OUT))
+    }
+}
+
 /// The options of `paper`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct PaperArguments {
@@ -447,12 +454,12 @@ pub fn threads(text: &str) -> Result<usize, String> {
 /// A size of memory in bytes: a number and a unit.
 fn bytes(text: &str) -> Result<u64, String> {
     let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
-    let found = units.into_iter().find_map(|(unit, power)| {
+    let size = units.into_iter().find_map(|(unit, power)| {
         let number: f64 = text.strip_suffix(unit)?.trim_end().parse().ok()?;
         let bytes = number * (1_u64 << power) as f64;
         (bytes >= 1.0 && bytes < (1_u64 << 63) as f64).then_some(bytes as u64)
     });
-    found.ok_or_else(|| "needs a size in KiB, MiB, GiB or TiB, such as 8GiB".to_owned())
+    size.ok_or_else(|| "needs a size in KiB, MiB, GiB or TiB, such as 8GiB".to_owned())
 }
 
 /// Larger images would need more memory than a report of them is worth.

@@ -22,5 +22,4 @@ mod progress;
 pub mod run;
 mod samples;
 mod scene;
-pub mod summary;
 pub mod threads;

@@ -38,7 +38,7 @@ fn page(name: Option<&str>) -> Result<String, Failure> {
         None => all,
         // A command of a command is named as its page is: `paper-fit`.
         Some(name) => match name.split('-').try_fold(&all, |all, word| all.find_subcommand(word)) {
-            Some(own) => own.clone(),
+            Some(subcommand) => subcommand.clone(),
             None => {
                 let names: Vec<_> = all.get_subcommands().map(clap::Command::get_name).collect();
                 let rule = format!("man needs one of the commands {}", names.join(", "));
@@ -61,11 +61,11 @@ mod tests {
         let mut all = Vec::new();
         let mut open = vec![(String::new(), Request::command())];
         while let Some((name, command)) = open.pop() {
-            for own in command.get_subcommands() {
-                let name = format!("{name}-{}", own.get_name());
+            for subcommand in command.get_subcommands() {
+                let name = format!("{name}-{}", subcommand.get_name());
                 let name = name.trim_start_matches('-').to_owned();
-                open.push((name.clone(), own.clone()));
-                all.push((name, own.clone()));
+                open.push((name.clone(), subcommand.clone()));
+                all.push((name, subcommand.clone()));
             }
         }
         all
@@ -76,9 +76,13 @@ mod tests {
         use clap_complete::Shell::{Bash, Fish, Zsh};
         for shell in [Bash, Zsh, Fish] {
             let script = script(shell);
-            for (_, own) in commands() {
-                assert!(script.contains(own.get_name()), "{shell}: {}", own.get_name());
-                for option in own.get_arguments().filter_map(clap::Arg::get_long) {
+            for (_, subcommand) in commands() {
+                assert!(
+                    script.contains(subcommand.get_name()),
+                    "{shell}: {}",
+                    subcommand.get_name()
+                );
+                for option in subcommand.get_arguments().filter_map(clap::Arg::get_long) {
                     assert!(script.contains(option), "{shell}: --{option}");
                 }
             }
@@ -91,7 +95,7 @@ mod tests {
         assert!(whole.contains(".TH bokashi 1") && whole.contains("Exit status:"), "{whole}");
         let commands = commands();
         assert!(commands.iter().any(|(name, _)| name == "paper-reproduce"));
-        for (name, own) in commands {
+        for (name, subcommand) in commands {
             let above = match name.rsplit_once('-') {
                 Some((above, _)) => page(Some(above)).unwrap(),
                 None => whole.clone(),
@@ -100,7 +104,7 @@ mod tests {
             assert!(above.contains(&format!("bokashi\\-{escaped}(1)")), "{name}: {above}");
             let text = page(Some(&name)).unwrap();
             assert!(text.contains(&format!(".TH bokashi-{name} 1")), "{text}");
-            for option in own.get_arguments().filter_map(clap::Arg::get_long) {
+            for option in subcommand.get_arguments().filter_map(clap::Arg::get_long) {
                 assert!(text.contains(&option.replace('-', "\\-")), "{name} --{option}: {text}");
             }
         }

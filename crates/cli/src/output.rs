@@ -27,8 +27,8 @@ pub fn say(text: &str) -> Result<(), Failure> {
 /// As [`say`].
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
-    let said = output.write_all(text.as_bytes()).and_then(|()| output.flush());
-    said.map_err(|error| unwritten("standard output", &error))
+    let written = output.write_all(text.as_bytes()).and_then(|()| output.flush());
+    written.map_err(|error| unwritten("standard output", &error))
 }
 
 /// Writes a line of JSON to where `--json` says.
@@ -40,8 +40,8 @@ pub fn say_json(file: &Path, json: &str) -> Result<(), Failure> {
     if is_standard_output(file) {
         return print(&line);
     }
-    let said = |error| unwritten(&file.display().to_string(), &error);
-    write_whole(file, line.as_bytes()).map_err(said)
+    let failed = |error| unwritten(&file.display().to_string(), &error);
+    write_whole(file, line.as_bytes()).map_err(failed)
 }
 
 fn unwritten(what: &str, error: &io::Error) -> Failure {

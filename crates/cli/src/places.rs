@@ -38,11 +38,11 @@ impl Places<'_> {
         };
         let files = self.files.iter().filter(|(_, file)| !is_standard_output(file));
         for &(option, file) in files {
-            let said = |error: std::io::Error| {
+            let failed = |error: std::io::Error| {
                 Failure::Use(format!("{option} needs a file to write to: {error}"))
             };
-            bokashi_write::check_file(file).map_err(said)?;
-            let path = resolved(file).map_err(said)?;
+            bokashi_write::check_file(file).map_err(failed)?;
+            let path = resolved(file).map_err(failed)?;
             if is_device(&path) {
                 continue;
             }
@@ -68,7 +68,7 @@ impl Places<'_> {
 
 /// The path of a report's folder that can be written to.
 fn check_out(out: &Path, is_named: bool, report: &[&str]) -> Result<PathBuf, Failure> {
-    let said =
+    let failed =
         |error: std::io::Error| Failure::Use(format!("--out needs a folder to write to: {error}"));
     if !is_named {
         check_inside(Path::new("."), out).map_err(|error| {
@@ -77,15 +77,15 @@ fn check_out(out: &Path, is_named: bool, report: &[&str]) -> Result<PathBuf, Fai
             Failure::Use(format!("{rule}, as --out {out}, and it was not: {error}"))
         })?;
     }
-    check_folder(out).map_err(said)?;
+    check_folder(out).map_err(failed)?;
     for &name in report {
-        check_below(out, name).map_err(said)?;
+        check_below(out, name).map_err(failed)?;
         let file = out.join(name);
         if file.exists() {
-            bokashi_write::check_file(&file).map_err(said)?;
+            bokashi_write::check_file(&file).map_err(failed)?;
         }
     }
-    resolved(out).map_err(said)
+    resolved(out).map_err(failed)
 }
 
 /// Checks that the file `path` is neither a folder of the report in `out` nor one of its files.
@@ -143,8 +143,8 @@ mod tests {
         fs::create_dir(at("d")).expect("a folder");
         let save = at("d/../new");
         for json in ["new", "./new", "d/../new"] {
-            let said = check(None, &[("--json", &at(json)), ("--save", &save)]).unwrap_err();
-            assert!(said.starts_with("--save needs another file than --json, got"), "{said}");
+            let message = check(None, &[("--json", &at(json)), ("--save", &save)]).unwrap_err();
+            assert!(message.starts_with("--save needs another file than --json, got"), "{message}");
         }
         assert_eq!(check(None, &[("--json", &at("other")), ("--save", &save)]), Ok(()));
         let twice = Path::new("-");
@@ -156,14 +156,14 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let at = |name: &str| folder.path().join(name);
         for out in ["d", "d/below", "d/../d"] {
-            let said = check(Some(&at(out)), &[("--save", &at("d"))]).unwrap_err();
-            assert!(said.starts_with("--save needs another file than --out, got"), "{said}");
+            let message = check(Some(&at(out)), &[("--save", &at("d"))]).unwrap_err();
+            assert!(message.starts_with("--save needs another file than --out, got"), "{message}");
         }
         fs::create_dir_all(at("o/pictures")).expect("folders");
         for file in ["o/index.html", "o/fits.csv", "o/pictures/a.PNG", "o/../o/new.html"] {
-            let said = check(Some(&at("o")), &[("--json", &at(file))]).unwrap_err();
+            let message = check(Some(&at("o")), &[("--json", &at(file))]).unwrap_err();
             let rule = "--json needs a file that is not of the report in --out, which are .html";
-            assert!(said.starts_with(rule), "{said}");
+            assert!(message.starts_with(rule), "{message}");
         }
         for file in ["o/outcome.json", "index.html", "o/html"] {
             assert_eq!(check(Some(&at("o")), &[("--json", &at(file))]), Ok(()));
@@ -181,8 +181,8 @@ mod tests {
             places.check().map_err(|failure| failure.to_string())
         };
         assert_eq!(check("--save"), Ok(()));
-        let said = check("--json").unwrap_err();
-        assert!(said.starts_with("--json needs another file than --resume, got"), "{said}");
+        let message = check("--json").unwrap_err();
+        assert!(message.starts_with("--json needs another file than --resume, got"), "{message}");
     }
 
     #[cfg(unix)]
@@ -194,8 +194,8 @@ mod tests {
         symlink("end", at("dangling")).expect("a link");
         symlink(folder.path(), at("here")).expect("a link to the folder");
         for other in ["dangling", "here/end", "here/dangling"] {
-            let said = check(None, &[("--json", &at("end")), ("--save", &at(other))]);
-            assert!(said.unwrap_err().starts_with("--save needs another file than --json"));
+            let message = check(None, &[("--json", &at("end")), ("--save", &at(other))]);
+            assert!(message.unwrap_err().starts_with("--save needs another file than --json"));
         }
         let null = Path::new("/dev/null");
         assert_eq!(check(None, &[("--json", null), ("--save", null)]), Ok(()));
@@ -210,8 +210,8 @@ mod tests {
         fs::write(&page, "mine").expect("a file");
         assert_eq!(check(Some(folder.path()), &[]), Ok(()));
         fs::set_permissions(&page, fs::Permissions::from_mode(0o444)).expect("its mode");
-        let said = check(Some(folder.path()), &[]).unwrap_err();
-        assert!(said.starts_with("--out needs a folder to write to: "), "{said}");
-        assert!(said.ends_with("index.html is read-only"), "{said}");
+        let message = check(Some(folder.path()), &[]).unwrap_err();
+        assert!(message.starts_with("--out needs a folder to write to: "), "{message}");
+        assert!(message.ends_with("index.html is read-only"), "{message}");
     }
 }

@@ -4,9 +4,9 @@
 //! example in place of cargo.
 //! A single number tells what a message costs by itself, a million how fast they travel.
 
-use bokashi_cli::summary::median;
 use bokashi_fit::{Communicator, sum_over_ranks};
 use bokashi_mpi::World;
+use bokashi_report::median;
 use bokashi_scene::Tensor;
 use mpi::collective::SystemOperation;
 use mpi::traits::CommunicatorCollectives as _;

@@ -26,7 +26,7 @@ const PANICKED: i32 = 101;
 /// Does `work` as one rank of an MPI job, and ends the job with its failure.
 pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCode {
     // Calls come from any thread, one at a time.
-    let failed = |said: &str| ended("bokashi-mpi", Err(Failure::Work(said.to_owned())));
+    let failed = |message: &str| ended("bokashi-mpi", Err(Failure::Work(message.to_owned())));
     let (universe, threading) = match mpi::initialize_with_threading(Threading::Serialized) {
         Some(started) => started,
         None => return failed("MPI was started before"),

@@ -48,11 +48,11 @@ impl World {
         bytes.chunks_mut(MOST).for_each(|chunk| root.broadcast_into(chunk));
     }
 
-    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let (_turn, world) = self.turn();
         let mut lengths = vec![0_i32; self.size];
         // What ranks say is short.
-        world.all_gather_into(&(own.len() as i32), &mut lengths[..]);
+        world.all_gather_into(&(bytes.len() as i32), &mut lengths[..]);
         let mut starts = Vec::with_capacity(self.size);
         let mut end = 0;
         for length in &lengths {
@@ -62,7 +62,7 @@ impl World {
         let mut all = vec![0_u8; end as usize];
         if end > 0 {
             let mut parts = PartitionMut::new(&mut all[..], &lengths[..], &starts[..]);
-            world.all_gather_varcount_into(own, &mut parts);
+            world.all_gather_varcount_into(bytes, &mut parts);
         }
         let of =
             |(&start, &length): (&i32, &i32)| all[start as usize..][..length as usize].to_vec();
@@ -116,8 +116,8 @@ macro_rules! communicator {
                 self.broadcast_bytes(bytes, from);
             }
 
-            fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
-                self.gather(own)
+            fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+                self.gather(bytes)
             }
 
             fn barrier(&self) {

@@ -76,7 +76,7 @@ pub(super) fn run_to_end<'a, T: Scalar>(
     let mut history = History::with_room_for(settings.steps.saturating_sub(fit.steps_done()));
     let mut film = Film::new(settings, settings.steps, on_step);
     let mut listeners: Vec<&mut dyn Listener<_>> = vec![&mut history];
-    listeners.extend(saving.map(|own| own as &mut dyn Listener<_>));
+    listeners.extend(saving.map(|saving| saving as &mut dyn Listener<_>));
     listeners.push(&mut film);
     fit.drive(pipeline, &Rules::default(), &mut listeners)?;
     let snapshots = film.snapshots;

@@ -106,7 +106,8 @@ fn run<T: Stored>(
     let start = fit.steps_done();
     let mut checkpoint =
         saving.save.as_deref().map(|path| Checkpoint { path, every: saving.every, start });
-    let listener = checkpoint.as_mut().map(|own| own as &mut dyn Listener<CubeFitting<'_, T>>);
+    let listener =
+        checkpoint.as_mut().map(|checkpoint| checkpoint as &mut dyn Listener<CubeFitting<'_, T>>);
     let mut outcome = run_to_end(settings, &mut pipeline, &mut fit, listener, on_step)?;
     if start > 0 {
         let first = initial::<T>(settings)?;

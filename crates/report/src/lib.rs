@@ -28,7 +28,7 @@ pub use figure::{Curve, Figure, INK, PALETTE, Stroke};
 pub use figures::Figures;
 pub use markup::{data_uri, escaped};
 pub use picture::{enlarged, picture_of, png, sheet};
-pub use quartiles::{quantiles, quartiles};
+pub use quartiles::{median, quantiles, quartiles};
 pub use rgb_image::RgbImage;
 pub use section::{Captioned, PICTURE_HEIGHT, Section, wrapped};
 pub use table::{Cell, Column, Table};

@@ -6,6 +6,12 @@ pub fn quartiles(values: impl Iterator<Item = f64>) -> [f64; 3] {
     quantiles(values, [0.25, 0.5, 0.75])
 }
 
+/// The median as [`quartiles`] has it; `None` without numbers.
+pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values = values.peekable();
+    values.peek().is_some().then(|| quartiles(values)[1])
+}
+
 /// The values under which these `parts` of the numbers lie, as [`quartiles`]: under 0 the least, under
 /// 1 the largest.
 pub fn quantiles<const N: usize>(values: impl Iterator<Item = f64>, parts: [f64; N]) -> [f64; N] {

@@ -5,6 +5,7 @@
 //! blurs and operations by time and error, and for a pipeline node by node. [`elision()`] sets steps that compute
 //! something beside steps that have no need of it.
 
+mod descent;
 mod difference;
 mod effort;
 mod elision;

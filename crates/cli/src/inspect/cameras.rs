@@ -7,8 +7,8 @@ use bokashi_scene::{Camera, CameraFile, Distortion, Picture, SceneError, gaze, r
 use glam::{DMat3, DVec3};
 use serde_json::json;
 
-use super::beside::in_scene;
 use super::findings::{Findings, Section};
+use super::folder::scene_folder_of;
 use crate::digits::{count, number, numbers};
 
 /// Distances that differ by less are one place, as a share of the cameras' distances from the origin.
@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// What is in the `transforms.json` called `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
-    let (folder, name) = in_scene(file)?;
+    let (folder, name) = scene_folder_of(file)?;
     let CameraFile { views, notes } = read_transforms(&folder, name)?;
     let mut findings = Findings::new("a file of cameras");
     let mut whole = Section::default();
@@ -76,10 +76,10 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
         }
         lenses[at].1 += 1;
     }
-    for (camera, own) in lenses {
-        let mut section = Section::new(count(own, "camera"));
+    for (camera, total) in lenses {
+        let mut section = Section::new(count(total, "camera"));
         let (size, [fx, fy, cx, cy]) = (camera.size, camera.intrinsics);
-        section.silent("count", own);
+        section.silent("count", total);
         let sides = [size.width, size.height];
         section.fact("size", format!("{} x {} pixels", size.width, size.height), json!(sides));
         let text = match fx == fy {
@@ -93,19 +93,23 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
         }
         section.fact("center", numbers([cx, cy]), json!([cx, cy]));
         if !camera.distortion.is_none() {
-            let own = camera.distortion.coefficients();
+            let coefficients = camera.distortion.coefficients();
             let label = match camera.distortion {
                 Distortion::Fisheye(_) => "fisheye",
                 _ => "distortion",
             };
-            section.fact(label, numbers(own.iter().copied()), json!(own));
+            section.fact(label, numbers(coefficients.iter().copied()), json!(coefficients));
         }
         findings.part("cameras", section);
     }
     // A single one looks along a line.
-    if cameras.len() < 2 {
-        return;
+    if cameras.len() > 1 {
+        findings.whole(stands(cameras));
     }
+}
+
+/// Where several cameras stand, and what all of them see.
+fn stands(cameras: &[Camera]) -> Section {
     let mut section = Section::new("where cameras stand");
     let eyes: Vec<DVec3> = cameras.iter().map(eye).collect();
     let least = eyes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -125,7 +129,7 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
             section.fact("look at", "no place in common", json!(null));
         }
     }
-    findings.whole(section);
+    section
 }
 
 fn eye(camera: &Camera) -> DVec3 {
@@ -149,9 +153,9 @@ pub(super) fn same_places(names: &[&str], cameras: &[Camera]) -> Option<String> 
     let (first, second) = (twins.first()?, twins.get(1)?);
     let rule = "cameras of different images stand in different places";
     let (first, second) = (names[*first], names[*second]);
-    let found = match twins.len() {
+    let twins_in_words = match twins.len() {
         2 => format!("{first:?} and {second:?} stand in one"),
         all => format!("{first:?}, {second:?} and {} more stand in one", all - 2),
     };
-    Some(format!("{rule}, and {found}"))
+    Some(format!("{rule}, and {twins_in_words}"))
 }

@@ -129,8 +129,9 @@ impl Findings {
             if !section.title.is_empty() {
                 writeln!(text, "\n{}", one_line(&section.title))?;
             }
-            for (label, said, _) in section.facts.iter().filter(|(_, said, _)| !said.is_empty()) {
-                writeln!(text, "  {label:LABEL$}  {}", one_line(said))?;
+            for (label, words, _) in section.facts.iter().filter(|(_, words, _)| !words.is_empty())
+            {
+                writeln!(text, "  {label:LABEL$}  {}", one_line(words))?;
             }
         }
         if !self.notes.is_empty() || !self.problems.is_empty() {

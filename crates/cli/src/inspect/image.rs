@@ -5,13 +5,13 @@ use std::path::Path;
 use bokashi_scene::{Mask, MaskKind, Picture, Place, Samples, SceneError};
 use serde_json::{Value, json};
 
-use super::beside::beside;
 use super::findings::{Findings, Section};
+use super::folder::folder_of;
 use crate::digits::{number, percent};
 
 /// What is in the image `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
-    let (folder, name) = beside(file)?;
+    let (folder, name) = folder_of(file)?;
     let (bytes, place) = (folder.read(name)?, Place::new(file));
     let picture = Picture::decode(&bytes, &place)?;
     let mut findings = Findings::new("an image");
@@ -37,6 +37,20 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
         let text = format!("from {} to {}", number(*least), number(*most));
         section.fact(*name, text, json!([least, most]));
     }
+    let is_clear = bounds.last().is_some_and(|[_, most]| *most == 0.0);
+    if picture.opacity().is_some() && is_clear {
+        findings.problem("an image shows something, and the opacity of this is 0 everywhere");
+    }
+    add_masks(&mut section, &picture, &place);
+    findings.whole(section);
+    for remark in Picture::remarks(&bytes, &place)? {
+        findings.note(remark);
+    }
+    Ok(findings)
+}
+
+/// Adds the masks that an image has, and what it says as a mask itself.
+fn add_masks(section: &mut Section, picture: &Picture, place: &Place) {
     match picture.opacity() {
         None => {
             section.fact("masks", "none: it has no opacity", Value::Null);
@@ -46,13 +60,9 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             let share = opaque as f64 / picture.pixels() as f64;
             let text = format!("{} of the pixels are more opaque than not", percent(share));
             section.fact("masks", text, json!({ "share": share }));
-            if bounds.last().is_some_and(|[_, most]| *most == 0.0) {
-                findings
-                    .problem("an image shows something, and the opacity of this is 0 everywhere");
-            }
         }
     }
-    match Mask::from_picture(&picture, &place) {
+    match Mask::from_picture(picture, place) {
         Ok(mask) if mask.kind != MaskKind::Even => {
             let text =
                 format!("{} of the pixels are the object, by {}", percent(mask.mean()), mask.kind);
@@ -67,11 +77,6 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             section.fact("as a mask", "it tells no objects from background", Value::Null);
         }
     }
-    findings.whole(section);
-    for remark in Picture::remarks(&bytes, &place)? {
-        findings.note(remark);
-    }
-    Ok(findings)
 }
 
 /// The least and the largest sample of a channel, as the file has them.

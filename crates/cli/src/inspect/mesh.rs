@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use bokashi_scene::{MaterialFile, MeshSummary, Model, Picture, SceneError, Submesh, read_model};
+use bokashi_scene::{
+    Geometry, MaterialFile, MeshSummary, Model, Picture, SceneError, Submesh, read_model,
+};
 use serde_json::json;
 
-use super::beside::beside;
 use super::findings::{Findings, Section};
+use super::folder::folder_of;
 use crate::digits::{count, number, numbers};
 
 /// Whether a note is about another file that the mesh file names and that is not used.
@@ -16,7 +18,7 @@ pub(super) fn is_problem(note: &str) -> bool {
 
 /// What is in the mesh file `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
-    let (folder, name) = beside(file)?;
+    let (folder, name) = folder_of(file)?;
     let model = read_model(&folder, name)?;
     let mut findings = Findings::new("a mesh");
     let mut whole = Section::default();
@@ -84,17 +86,30 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
         section.fact("volume", number(volume), volume);
     }
     let carried = [
-        geometry.colors.as_ref().map(|own| ("colours", own.rows.len())),
-        geometry.coordinates.as_ref().map(|own| ("texture coordinates", own.rows.len())),
-        geometry.normals.as_ref().map(|own| ("normals", own.rows.len())),
+        geometry.colors.as_ref().map(|attribute| ("colours", attribute.rows.len())),
+        geometry
+            .coordinates
+            .as_ref()
+            .map(|attribute| ("texture coordinates", attribute.rows.len())),
+        geometry.normals.as_ref().map(|attribute| ("normals", attribute.rows.len())),
     ];
     for (what, rows) in carried.into_iter().flatten() {
         section.fact(what_label(what), format!("{rows} {what}"), rows);
     }
     section.fact("stands", count(places, "time"), places);
+    add_materials(&mut section, model, geometry);
+    findings.part("geometries", section);
+    add_problems(findings, &title, model, geometry, &summary);
+    if places == 0 {
+        findings.problem(format!("{title}: no node of the file shows it"));
+    }
+}
+
+/// Adds which faces have which material.
+fn add_materials(section: &mut Section, model: &Model, geometry: &Geometry) {
     let named = |material: usize| {
         let name = model.materials.get(material).map_or("", |material| &material.name);
-        self::title("number", material, name)
+        title("number", material, name)
     };
     match geometry.submeshes.as_slice() {
         [Submesh { material: None, .. }] => (),
@@ -103,8 +118,8 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
         }
         several => {
             let text = several.iter().map(|Submesh { material, faces }| {
-                let own = material.map_or("none".to_owned(), named);
-                format!("{own}: {}", count(faces.len(), "face"))
+                let name = material.map_or("none".to_owned(), named);
+                format!("{name}: {}", count(faces.len(), "face"))
             });
             let value = several.iter().map(|Submesh { material, faces }| {
                 json!({ "material": material.map(|material| material + 1), "faces": faces.len() })
@@ -113,29 +128,38 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
             section.fact("materials", text, value.collect::<serde_json::Value>());
         }
     }
-    findings.part("geometries", section);
+}
 
-    let MeshSummary { crowded_edges, turned_edges, degenerate_faces, repeated_faces, .. } = summary;
+/// Adds what is wrong with a geometry.
+fn add_problems(
+    findings: &mut Findings,
+    title: &str,
+    model: &Model,
+    geometry: &Geometry,
+    summary: &MeshSummary,
+) {
+    let &MeshSummary { crowded_edges, turned_edges, degenerate_faces, repeated_faces, .. } =
+        summary;
     let rules = [
         (crowded_edges, "edge", "three faces or more: a surface has two there at most"),
         (turned_edges, "edge", "two faces that turn opposite sides outwards"),
         (degenerate_faces, "face", "no area"),
         (repeated_faces, "face", "the same vertices as another face"),
     ];
-    for (found, what, rule) in rules.into_iter().filter(|(found, ..)| *found > 0) {
-        let verb = if found == 1 { "has" } else { "have" };
-        findings.problem(format!("{title}: {} {verb} {rule}", count(found, what)));
+    for (wrong, what, rule) in rules.into_iter().filter(|(wrong, ..)| *wrong > 0) {
+        let verb = if wrong == 1 { "has" } else { "have" };
+        findings.problem(format!("{title}: {} {verb} {rule}", count(wrong, what)));
     }
     if summary.volume.is_some_and(|volume| volume < 0.0) {
         findings.problem(format!("{title}: the surface is inside out: its faces turn inwards"));
     }
-    if places == 0 {
-        findings.problem(format!("{title}: no node of the file shows it"));
-    }
     for Submesh { material, faces } in &geometry.submeshes {
         let material = material.and_then(|material| model.materials.get(material));
-        let has_maps = material.is_some_and(|own| maps(own).iter().any(|(_, map)| map.is_some()));
-        if has_maps && !geometry.coordinates.as_ref().is_some_and(|own| own.covers(faces)) {
+        let has_maps =
+            material.is_some_and(|material| maps(material).iter().any(|(_, map)| map.is_some()));
+        if has_maps
+            && !geometry.coordinates.as_ref().is_some_and(|attribute| attribute.covers(faces))
+        {
             let rule = "its material has an image, and it has no texture coordinates";
             findings.problem(format!("{title}: {rule}"));
         }

@@ -1,8 +1,8 @@
 //! What is in a file, and what is wrong with it, as text and JSON.
 
-mod beside;
 mod cameras;
 mod findings;
+mod folder;
 mod image;
 mod mesh;
 mod saved;

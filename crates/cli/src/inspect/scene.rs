@@ -81,7 +81,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
 /// The images that a scene's file names beside its views: textures, normal maps, the environment.
 fn named_images(description: &Description) -> impl Iterator<Item = &Path> {
     let materials = description.meshes.iter().map(|entry| &entry.get_ref().material);
-    let maps = materials.flat_map(|own| [&own.texture, &own.normals]);
+    let maps = materials.flat_map(|material| [&material.texture, &material.normals]);
     let sky = description.environment.as_ref().map(|entry| &entry.get_ref().image);
     maps.chain(sky).filter_map(|file| file.as_deref())
 }

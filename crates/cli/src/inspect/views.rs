@@ -13,7 +13,7 @@ use crate::digits::{count, percent};
 
 /// What was found about a view.
 #[derive(Debug, Default)]
-struct Found {
+struct Inspected {
     /// What is wrong with its files.
     problems: Vec<String>,
     /// What its files say that is not done, with the file.
@@ -29,21 +29,21 @@ struct Found {
 /// Adds what is said of the views of `scene`, and what is wrong with them.
 pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
     let views = &scene.views;
-    let found: Vec<_> = views.par_iter().map(|view| look(scene, view)).collect();
+    let inspected: Vec<_> = views.par_iter().map(|view| look(scene, view)).collect();
     let mut seen = Vec::new();
-    for (view, found) in views.iter().zip(&found) {
+    for (view, inspected) in views.iter().zip(&inspected) {
         let mut section = Section::new("");
         // In JSON alone: there may be hundreds.
         section.silent("name", json!(view.name));
         section.silent("image", json!(view.image));
         section.silent("mask", json!(view.mask));
-        section.silent("mask share", json!(found.mask.map(|(share, _)| share)));
-        section.silent("mask says it by", json!(found.mask.map(|(_, kind)| kind.to_string())));
+        section.silent("mask share", json!(inspected.mask.map(|(share, _)| share)));
+        section.silent("mask says it by", json!(inspected.mask.map(|(_, kind)| kind.to_string())));
         section.silent("held out", json!(view.held_out));
-        section.silent("seen", json!(found.seen));
+        section.silent("seen", json!(inspected.seen));
         findings.part("views", section);
-        let own = found.seen.iter().copied().fold(0.0, f64::max);
-        seen.push((own, view.name.as_str()));
+        let largest = inspected.seen.iter().copied().fold(0.0, f64::max);
+        seen.push((largest, view.name.as_str()));
     }
     if let (Some((least, name)), false) =
         (seen.iter().min_by(|a, b| a.0.total_cmp(&b.0)), scene.objects.is_empty())
@@ -56,27 +56,28 @@ pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
         );
         findings.named("seen", section);
     }
-    let masks = views.iter().zip(&found).filter_map(|(view, found)| {
-        found.mask.map(|(share, kind)| (view.name.as_str(), share, kind))
+    let masks = views.iter().zip(&inspected).filter_map(|(view, inspected)| {
+        inspected.mask.map(|(share, kind)| (view.name.as_str(), share, kind))
     });
     add_masks(findings, masks.collect());
-    findings.all_of_a_kind(found.iter().flat_map(|found| found.problems.iter().cloned()));
-    add_remarks(findings, found.iter().flat_map(|found| &found.remarks));
+    findings
+        .all_of_a_kind(inspected.iter().flat_map(|inspected| inspected.problems.iter().cloned()));
+    add_remarks(findings, inspected.iter().flat_map(|inspected| &inspected.remarks));
     let name = |k: usize| &views[k].name;
-    let lacking = (0..views.len()).filter(|&k| found[k].lacks_mask);
+    let lacking = (0..views.len()).filter(|&k| inspected[k].lacks_mask);
     let rule = "masks count in the loss, and its image has no opacity and it has no mask";
     findings.all_of_a_kind(lacking.map(|k| format!("view {:?}: {rule}", name(k))));
     if !scene.objects.is_empty() {
-        let is_blind = |k: &usize| found[*k].seen.iter().all(|&share| share == 0.0);
+        let is_blind = |k: &usize| inspected[*k].seen.iter().all(|&share| share == 0.0);
         let rule = "no object lies in front of its camera and inside its image";
         let blind = (0..views.len()).filter(is_blind);
         findings.all_of_a_kind(blind.map(|k| format!("view {:?}: {rule}", name(k))));
     }
     let unseen = scene.objects.iter().enumerate().filter(|(at, _)| {
-        !views.is_empty() && found.iter().all(|found| found.seen.get(*at) == Some(&0.0))
+        !views.is_empty() && inspected.iter().all(|inspected| inspected.seen.get(*at) == Some(&0.0))
     });
     let rule = "it lies in front of no camera and inside no image";
-    findings.all_of_a_kind(unseen.map(|(_, own)| format!("object {:?}: {rule}", own.name)));
+    findings.all_of_a_kind(unseen.map(|(_, entry)| format!("object {:?}: {rule}", entry.name)));
     findings.all_of_a_kind(repeated(views, "image", |view| view.image.as_deref()));
     findings.all_of_a_kind(repeated(views, "mask", |view| view.mask.as_deref()));
     let with_images: Vec<_> = views.iter().filter(|view| view.image.is_some()).collect();
@@ -136,30 +137,30 @@ fn repeated<'v>(
     file: impl Fn(&'v SceneView) -> Option<&'v Path>,
 ) -> Vec<String> {
     let mut first: HashMap<&Path, &str> = HashMap::new();
-    let mut said = Vec::new();
+    let mut messages = Vec::new();
     for view in views {
         let Some(file) = file(view) else { continue };
         match first.get(file) {
             Some(other) => {
                 let rule = format!("it has the {what} of {other:?}, {}", file.display());
-                said.push(format!("view {:?}: {rule}", view.name));
+                messages.push(format!("view {:?}: {rule}", view.name));
             }
             None => drop(first.insert(file, &view.name)),
         }
     }
-    said
+    messages
 }
 
-fn look(scene: &Scene, view: &SceneView) -> Found {
-    let mut found = Found {
+fn look(scene: &Scene, view: &SceneView) -> Inspected {
+    let mut inspected = Inspected {
         seen: scene.objects.iter().map(|object| share_seen(object, &view.camera)).collect(),
-        ..Found::default()
+        ..Inspected::default()
     };
     let size = [view.camera.size.width, view.camera.size.height];
     let mut read = |file: &Path| match Picture::read_sized(&scene.folder, file, size) {
         Ok(picture) => Some(picture),
         Err(error) => {
-            found.problems.push(error.to_string());
+            inspected.problems.push(error.to_string());
             None
         }
     };
@@ -169,7 +170,7 @@ fn look(scene: &Scene, view: &SceneView) -> Found {
         // What can't be read was said.
         let remarks = Picture::remarks_in(&scene.folder, file).unwrap_or_default();
         let file = scene.folder.join(file).display().to_string();
-        found.remarks.extend(remarks.into_iter().map(|remark| (file.clone(), remark)));
+        inspected.remarks.extend(remarks.into_iter().map(|remark| (file.clone(), remark)));
     }
     let mask = match (&image, &picture, &view.mask) {
         (_, Some(picture), Some(file)) => {
@@ -187,16 +188,16 @@ fn look(scene: &Scene, view: &SceneView) -> Found {
     let counts = scene.description.loss.silhouette.is_some_and(|weight| weight.0 > 0.0);
     match mask {
         Some((Ok(mask), place)) => {
-            found.mask = Some((mask.mean(), mask.kind));
+            inspected.mask = Some((mask.mean(), mask.kind));
             // Opacity may say nothing where nobody asks it.
             if let Some(fault) = mask.fault().filter(|_| counts || view.mask.is_some()) {
-                found.problems.push(format!("{place}: {fault}"));
+                inspected.problems.push(format!("{place}: {fault}"));
             }
         }
-        Some((Err(error), _)) => found.problems.push(error.to_string()),
+        Some((Err(error), _)) => inspected.problems.push(error.to_string()),
         None => {}
     }
     let has_opacity = image.as_ref().is_some_and(|image| image.channels % 2 == 0);
-    found.lacks_mask = counts && image.is_some() && view.mask.is_none() && !has_opacity;
-    found
+    inspected.lacks_mask = counts && image.is_some() && view.mask.is_none() && !has_opacity;
+    inspected
 }

@@ -157,8 +157,8 @@
   }
 
   function say(text, stopped) {
-    if (byId("said").textContent !== text) byId("said").textContent = text;
-    byId("said").classList.toggle("stopped", stopped);
+    if (byId("message").textContent !== text) byId("message").textContent = text;
+    byId("message").classList.toggle("stopped", stopped);
   }
 
   function show() {
@@ -167,7 +167,7 @@
     byId("title").textContent = title || "bokashi fit";
     const share = state.steps ? Math.floor(100 * state.step / state.steps) : 100;
     document.title = `${ended ? (ended.failed ? "Failed" : "Done") : `${share} %`} ${title || "bokashi fit"}`;
-    say(ended ? ended.said : "The fit runs.", Boolean(ended?.failed));
+    say(ended ? ended.message : "The fit runs.", Boolean(ended?.failed));
     numbers();
     curves();
     views();

@@ -54,7 +54,7 @@ struct Answer {
 }
 
 impl Answer {
-    fn found(kind: &'static str, body: impl Into<Arc<[u8]>>) -> Self {
+    fn ok(kind: &'static str, body: impl Into<Arc<[u8]>>) -> Self {
         Self { status: "200 OK", kind, body: body.into() }
     }
 
@@ -205,12 +205,12 @@ fn answer_to(head: &[u8], shared: &Shared) -> (Answer, bool) {
         headers.filter(move |header| header.name.eq_ignore_ascii_case(name))
     };
     let mut hosts = named("Host");
-    let own = hosts.next().is_some_and(|host| is_own(host.value)) && hosts.next().is_none();
+    let is_ours = hosts.next().is_some_and(|host| is_own(host.value)) && hosts.next().is_none();
     let has_body = named("Transfer-Encoding").next().is_some()
         || named("Content-Length").any(|length| length.value != b"0");
     let whole = length == head.len() && !has_body;
     let answer = match (request.method, request.path) {
-        _ if !own => Answer::refused("403 Forbidden"),
+        _ if !is_ours => Answer::refused("403 Forbidden"),
         (Some("GET"), _) if has_body => Answer::refused("413 Content Too Large"),
         (Some("GET"), Some(target)) => page(target, &shared.now()),
         _ => Answer::refused("405 Method Not Allowed"),
@@ -232,23 +232,23 @@ fn is_own(host: &[u8]) -> bool {
 /// What stands at a path.
 fn page(target: &str, now: &Published) -> Answer {
     let (path, query) = target.split_once('?').unwrap_or((target, ""));
-    let found = match path {
-        "/" => Some(Answer::found("text/html; charset=utf-8", PAGE.as_bytes())),
+    let answer = match path {
+        "/" => Some(Answer::ok("text/html; charset=utf-8", PAGE.as_bytes())),
         "/page.js" => Some(script(PAGE_SCRIPT)),
         "/viewer.js" => Some(script(bokashi_report::VIEWER_SCRIPT)),
         "/page.css" => {
             let style = format!("{}{PAGE_STYLE}", bokashi_report::style());
-            Some(Answer::found("text/css; charset=utf-8", style.into_bytes()))
+            Some(Answer::ok("text/css; charset=utf-8", style.into_bytes()))
         }
         "/state.json" => Some(state(query, now)),
-        "/mesh.json" => now.mesh().map(|mesh| Answer::found("application/json", mesh)),
+        "/mesh.json" => now.mesh().map(|mesh| Answer::ok("application/json", mesh)),
         _ => picture(path, now),
     };
-    found.unwrap_or_else(|| Answer::refused("404 Not Found"))
+    answer.unwrap_or_else(|| Answer::refused("404 Not Found"))
 }
 
 fn script(text: &str) -> Answer {
-    Answer::found("text/javascript; charset=utf-8", text.as_bytes())
+    Answer::ok("text/javascript; charset=utf-8", text.as_bytes())
 }
 
 /// The state, or nothing where `after=` names its version.
@@ -258,12 +258,12 @@ fn state(query: &str, now: &Published) -> Answer {
     if known.and_then(|known| known.parse().ok()) == Some(now.version()) {
         return Answer { status: "204 No Content", kind, body: Arc::new([]) };
     }
-    Answer::found(kind, now.json().into_bytes())
+    Answer::ok(kind, now.json().into_bytes())
 }
 
 /// `/view/3/target.png` is the target of the fourth view.
 fn picture(path: &str, now: &Published) -> Option<Answer> {
     let (at, file) = path.strip_prefix("/view/")?.split_once('/')?;
     let file = now.picture(at.parse().ok()?, file.strip_suffix(".png")?)?;
-    Some(Answer::found("image/png", file))
+    Some(Answer::ok("image/png", file))
 }

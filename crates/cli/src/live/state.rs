@@ -124,8 +124,8 @@ impl Published {
                 })
             });
         let ended = snapshot.ended.as_ref().map(|ended| match ended {
-            Ended::Done(said) => json!({ "failed": false, "said": said }),
-            Ended::Failed(said) => json!({ "failed": true, "said": said }),
+            Ended::Done(message) => json!({ "failed": false, "message": message }),
+            Ended::Failed(message) => json!({ "failed": true, "message": message }),
         });
         json!({
             "version": self.version,
@@ -262,6 +262,6 @@ mod tests {
         let state = read(&shared);
         assert!(state["loss"].is_null() && state["seconds"].is_null());
         assert_eq!(state["losses"], json!([[0.0, null], [1.0, null], [2.0, 3.0]]));
-        assert_eq!(state["ended"], json!({ "failed": true, "said": "a loss was \"NaN\"" }));
+        assert_eq!(state["ended"], json!({ "failed": true, "message": "a loss was \"NaN\"" }));
     }
 }

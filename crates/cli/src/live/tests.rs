@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::{Ended, Live, Snapshot, View};
 
 /// What comes back to `request`, as text.
-fn said(address: SocketAddr, request: &[u8]) -> String {
+fn message(address: SocketAddr, request: &[u8]) -> String {
     let mut stream = TcpStream::connect(address).expect("a connection");
     stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a time");
     stream.write_all(request).expect("it takes the request");
@@ -18,11 +18,11 @@ fn said(address: SocketAddr, request: &[u8]) -> String {
 
 fn get(live: &Live, path: &str) -> String {
     let request = format!("GET {path} HTTP/1.1\r\nHost: {}\r\n\r\n", live.address());
-    said(live.address(), request.as_bytes())
+    message(live.address(), request.as_bytes())
 }
 
 fn with_host(live: &Live, host: &str) -> String {
-    said(live.address(), format!("GET / HTTP/1.1\r\n{host}\r\n").as_bytes())
+    message(live.address(), format!("GET / HTTP/1.1\r\n{host}\r\n").as_bytes())
 }
 
 fn live() -> Live {
@@ -53,7 +53,7 @@ fn each_path_has_its_type_and_is_kept_nowhere() {
         ("/viewer.js", "text/javascript; charset=utf-8", "bokashiViewer"),
         ("/page.css", "text/css; charset=utf-8", ".viewer canvas"),
         ("/state.json", "application/json", "\"step\":7"),
-        ("/state.json?after=1", "application/json", "\"said\":\"all is well\""),
+        ("/state.json?after=1", "application/json", "\"message\":\"all is well\""),
         ("/mesh.json?version=5", "application/json", "{\"meshes\":[]}"),
         ("/view/0/picture.png", "image/png", "\r\n\r\npicture"),
         ("/view/0/target.png?version=5", "image/png", "\r\n\r\ntarget"),
@@ -97,20 +97,20 @@ fn only_get_is_allowed_and_bodies_are_refused() {
     let live = live();
     for method in ["POST", "HEAD", "PUT", "OPTIONS", "DELETE", "BREW"] {
         let request = format!("{method} / HTTP/1.1\r\nHost: localhost\r\n\r\n");
-        let answer = said(live.address(), request.as_bytes());
+        let answer = message(live.address(), request.as_bytes());
         assert!(answer.starts_with("HTTP/1.1 405 Method Not Allowed\r\n"), "{method}: {answer}");
         assert!(answer.contains("\r\nAllow: GET\r\n"), "{method}");
     }
-    // However long a body is said to be, no memory is set aside for it.
+    // However long a body is message to be, no memory is set aside for it.
     for length in ["3", "1000000000000000", "99999999999999999999999", "-1", "x"] {
         let request = |method| {
             format!("{method} / HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\nabc")
         };
-        assert!(said(live.address(), request("POST").as_bytes()).starts_with("HTTP/1.1 405"));
-        assert!(said(live.address(), request("GET").as_bytes()).starts_with("HTTP/1.1 413"));
+        assert!(message(live.address(), request("POST").as_bytes()).starts_with("HTTP/1.1 405"));
+        assert!(message(live.address(), request("GET").as_bytes()).starts_with("HTTP/1.1 413"));
     }
     let chunked = b"GET / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n";
-    assert!(said(live.address(), chunked).starts_with("HTTP/1.1 413"));
+    assert!(message(live.address(), chunked).starts_with("HTTP/1.1 413"));
 }
 
 #[test]
@@ -140,11 +140,11 @@ fn a_name_that_is_not_of_this_machine_is_forbidden() {
 fn long_heads_and_no_requests_at_all_are_refused() {
     let live = live();
     let long = format!("GET /{} HTTP/1.1\r\nHost: localhost\r\n\r\n", "x".repeat(100_000));
-    assert!(said(live.address(), long.as_bytes()).starts_with("HTTP/1.1 431"));
+    assert!(message(live.address(), long.as_bytes()).starts_with("HTTP/1.1 431"));
     let many = "a: b\r\n".repeat(100);
     assert!(with_host(&live, &format!("Host: localhost\r\n{many}")).starts_with("HTTP/1.1 431"));
     for bytes in [&b"\0\xff\xfe\r\n\r\n"[..], b"GET\r\n\r\n", b"GET / HTTP/9\r\n\r\n"] {
-        assert!(said(live.address(), bytes).starts_with("HTTP/1.1 400"), "{bytes:?}");
+        assert!(message(live.address(), bytes).starts_with("HTTP/1.1 400"), "{bytes:?}");
     }
 }
 

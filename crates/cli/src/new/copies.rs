@@ -56,8 +56,8 @@ impl<'d> Copies<'d> {
     /// else `usual`.
     pub(super) fn home(&self, source: &Folder, usual: &str) -> PathBuf {
         let inside = || {
-            let (own, root) = (resolved(source.path()).ok()?, resolved(self.folder).ok()?);
-            own.strip_prefix(root).ok().map(Path::to_owned)
+            let (path, root) = (resolved(source.path()).ok()?, resolved(self.folder).ok()?);
+            path.strip_prefix(root).ok().map(Path::to_owned)
         };
         inside().unwrap_or_else(|| PathBuf::from(usual))
     }
@@ -135,7 +135,8 @@ impl<'d> Copies<'d> {
             }
             let is_itself = |from: &Path| fs::canonicalize(&place).is_ok_and(|place| place == from);
             let is_same = matches!(from, Origin::Copy(from) if is_itself(from))
-                || fs::read(&place).is_ok_and(|there| from.bytes().is_ok_and(|own| own == there));
+                || fs::read(&place)
+                    .is_ok_and(|there| from.bytes().is_ok_and(|bytes| bytes == there));
             if !is_same {
                 taken.get_or_insert(place);
             }

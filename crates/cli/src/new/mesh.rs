@@ -54,12 +54,17 @@ impl Start {
         let shown = |k: usize| model.placed.iter().filter(move |placed| placed.geometry == k);
         let all = model.geometries.iter().enumerate();
         let drawn: Vec<_> = all.filter(|(k, _)| shown(*k).next().is_some()).collect();
-        let material = |own: Option<usize>| own.and_then(|own| model.materials.get(own));
-        let has_image = |own| material(own).is_some_and(|own| own.base_color_map.image.is_some());
-        let covered = drawn.iter().flat_map(|(_, own)| own.submeshes.iter().map(move |k| (own, k)));
-        let colored = |(own, part): (&&Geometry, &Submesh)| covers(own.colors.as_ref(), part);
-        let charted = |(own, part): (&&Geometry, &Submesh)| covers(own.coordinates.as_ref(), part);
-        let paint = if drawn.iter().any(|(_, own)| own.materials().any(has_image)) {
+        let material = |index: Option<usize>| index.and_then(|index| model.materials.get(index));
+        let has_image =
+            |index| material(index).is_some_and(|material| material.base_color_map.image.is_some());
+        let covered = drawn
+            .iter()
+            .flat_map(|(_, geometry)| geometry.submeshes.iter().map(move |k| (geometry, k)));
+        let colored =
+            |(geometry, part): (&&Geometry, &Submesh)| covers(geometry.colors.as_ref(), part);
+        let charted =
+            |(geometry, part): (&&Geometry, &Submesh)| covers(geometry.coordinates.as_ref(), part);
+        let paint = if drawn.iter().any(|(_, geometry)| geometry.materials().any(has_image)) {
             Paint::Textures
         } else if covered.clone().all(colored) {
             Paint::Colors
@@ -68,9 +73,9 @@ impl Start {
         } else {
             Paint::Bare
         };
-        let places = drawn.iter().flat_map(|(k, own)| {
+        let places = drawn.iter().flat_map(|(k, geometry)| {
             shown(*k).flat_map(|placed| {
-                let rows = own.positions.iter().map(|row| DVec3::from(row.map(f64::from)));
+                let rows = geometry.positions.iter().map(|row| DVec3::from(row.map(f64::from)));
                 rows.map(|row| placed.transform.transform_point3(row))
             })
         });
@@ -81,5 +86,5 @@ impl Start {
 }
 
 fn covers<const N: usize>(attribute: Option<&Indexed<N>>, submesh: &Submesh) -> bool {
-    attribute.is_some_and(|own| own.covers(&submesh.faces))
+    attribute.is_some_and(|geometry| geometry.covers(&submesh.faces))
 }

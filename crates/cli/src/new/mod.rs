@@ -43,14 +43,14 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
         let rule = "new needs a folder without a scene.toml";
         return Err(Failure::Use(format!("{rule}, and {} is there", file.display())));
     }
-    let said = |error| Failure::Use(format!("new needs a folder to write to: {error}"));
-    check_folder(folder).map_err(said)?;
+    let failed = |error| Failure::Use(format!("new needs a folder to write to: {error}"));
+    check_folder(folder).map_err(failed)?;
     let failed = |error: SceneError| Failure::Work(error.to_string());
     let mut copies = Copies::new(folder);
     let start = arguments.from.as_deref().map(|mesh| Start::of(mesh, &mut copies));
     let start = start.transpose().map_err(failed)?;
     let photographs = arguments.images.as_deref();
-    let photographs = photographs.map(|images| Photographs::of(images, &mut copies));
+    let photographs = photographs.map(|images| Photographs::read(images, &mut copies));
     let photographs = photographs.transpose().map_err(failed)?;
     copies.check()?;
     check_schema(folder)?;

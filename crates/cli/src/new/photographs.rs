@@ -71,16 +71,12 @@ impl Photographs {
     ///
     /// # Errors
     /// What is wrong with the folder or its files; [`SceneError::Content`] for a folder without images.
-    pub(super) fn of(images: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
+    pub(super) fn read(images: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
         let folder = Folder::new(images)?;
         let is_there = |path: &Path| folder.find(path).is_ok();
         let transforms = TRANSFORMS.into_iter().map(Path::new).find(|path| is_there(path));
-        let is_model = |model: &Path| {
-            ["bin", "txt"].iter().any(|end| is_there(&model.join("cameras").with_extension(end)))
-        };
-        let models = MODELS.into_iter().map(|path| find_colmap(&folder, path));
-        let model = models.into_iter().find(|(path, _)| is_model(path));
-        let (model, several) = model.map_or((None, None), |(path, note)| (Some(path), note));
+        let (model, several) =
+            find_model(&folder).map_or((None, None), |(path, note)| (Some(path), note));
         let model = model.as_deref();
         let of_model = match folder.find("images").is_ok_and(|found| found.is_dir()) {
             true => Path::new("images"),
@@ -105,12 +101,7 @@ impl Photographs {
             return Err(SceneError::Content { place: Place::new(images), message });
         }
         if has_cameras {
-            let known: BTreeSet<_> = files.iter().map(|file| folder.find(file).ok()).collect();
-            let is_unknown = |file: &&PathBuf| !known.contains(&folder.find(file).ok());
-            let unknown: Vec<_> = listed.images.iter().filter(is_unknown).collect();
-            if let Some(names) = named(&unknown) {
-                notes.push(format!("images without a camera were left out: {names}"));
-            }
+            notes.extend(without_camera(&folder, &files, &listed.images));
         }
         // Cameras of other programs are those of the pixels as they are stored.
         let turned: Vec<bool> = match has_cameras {
@@ -120,9 +111,8 @@ impl Photographs {
                 turns.collect::<Result<_, _>>()?
             }
         };
-        let own: Vec<_> = files.iter().zip(&turned).filter(|(_, turned)| **turned).collect();
-        let own: Vec<_> = own.into_iter().map(|(file, _)| file).collect();
-        if let Some(names) = named(&own) {
+        let turned_files = files.iter().zip(&turned).filter(|(_, turned)| **turned);
+        if let Some(names) = named(&turned_files.map(|(file, _)| file).collect::<Vec<_>>()) {
             notes.push(format!(
                 "images were turned as viewers show them, which their Exif data say, and copied as \
                  PNG: {names}"
@@ -156,11 +146,12 @@ impl Photographs {
         if let Some(file) = transforms {
             photographs.source = Source::Transforms(copies.add(&folder, file, &home)?);
         } else if let Some(model) = model {
-            for name in OF_MODELS {
-                let ends = ["bin", "txt"].map(|end| model.join(name).with_extension(end));
-                for path in ends.iter().filter(|path| is_there(path)) {
-                    copies.add(&folder, path, &home)?;
-                }
+            let ends = ["bin", "txt"];
+            let parts = OF_MODELS
+                .into_iter()
+                .flat_map(|name| ends.map(|end| model.join(name).with_extension(end)));
+            for path in parts.filter(|path| is_there(path)) {
+                copies.add(&folder, &path, &home)?;
             }
             photographs.source = Source::Colmap(home.join(model), home.join(of_model));
         }
@@ -233,6 +224,24 @@ impl Photographs {
     }
 }
 
+/// The first of [`MODELS`] that has cameras, with what to know of it.
+fn find_model(folder: &Folder) -> Option<(PathBuf, Option<String>)> {
+    let is_model = |model: &Path| {
+        let files = ["bin", "txt"].map(|end| model.join("cameras").with_extension(end));
+        files.iter().any(|file| folder.find(file).is_ok())
+    };
+    let mut models = MODELS.into_iter().map(|path| find_colmap(folder, path));
+    models.find(|(path, _)| is_model(path))
+}
+
+/// That some of the `images` are not among the `files` that have cameras, in words.
+fn without_camera(folder: &Folder, files: &[PathBuf], images: &[PathBuf]) -> Option<String> {
+    let known: BTreeSet<_> = files.iter().map(|file| folder.find(file).ok()).collect();
+    let is_unknown = |file: &&PathBuf| !known.contains(&folder.find(file).ok());
+    let names = named(&images.iter().filter(is_unknown).collect::<Vec<_>>())?;
+    Some(format!("images without a camera were left out: {names}"))
+}
+
 /// What a folder and those in it hold.
 #[derive(Debug, Default)]
 struct Listed {
@@ -291,7 +300,7 @@ impl Listed {
             self.others.keys().partition(|(ending, _)| RAW.contains(&&*ending.to_lowercase()));
         let kinds = kinds.iter().map(|(ending, count)| format!("{count} .{ending}"));
         let rule = "images are PNG, JPEG, EXR or HDR";
-        let mut said = format!(
+        let mut message = format!(
             "{} left out, {}: {rule}",
             count(all, "image"),
             kinds.collect::<Vec<_>>().join(", ")
@@ -302,12 +311,12 @@ impl Listed {
                 format!("{}/*.{ending}", place.trim_end_matches('/'))
             });
             let files = files.collect::<Vec<_>>().join(" ");
-            said += &format!("; ImageMagick makes PNGs: magick mogrify -format png {files}");
+            message += &format!("; ImageMagick makes PNGs: magick mogrify -format png {files}");
         }
         if !raw.is_empty() {
-            said += "; a camera's raw files are developed first";
+            message += "; a camera's raw files are developed first";
         }
-        (all > 0).then_some(said)
+        (all > 0).then_some(message)
     }
 }
 

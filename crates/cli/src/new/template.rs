@@ -34,11 +34,11 @@ pub(super) struct Template<'a> {
 impl Template<'_> {
     /// Where the views come from, for the last words.
     pub(super) fn views(&self) -> String {
-        let Some(own) = self.photographs else {
+        let Some(photographs) = self.photographs else {
             return "one to look at, without an image".to_owned();
         };
-        let images = count(own.images.len(), "image");
-        match &own.source {
+        let images = count(photographs.images.len(), "image");
+        match &photographs.source {
             Source::Transforms(file) => format!("{images}, cameras of {}", file.display()),
             Source::Colmap(model, _) => format!("{images}, cameras of {}", model.display()),
             Source::Nowhere => format!("{images} without cameras"),
@@ -48,8 +48,10 @@ impl Template<'_> {
     /// Where the masks come from, for the last words.
     pub(super) fn masks(&self) -> &'static str {
         match self.photographs {
-            Some(own) if own.masks.is_some() || own.has_named_masks => "a file for each image",
-            Some(own) if own.has_opacity => "the opacity of the images",
+            Some(photographs) if photographs.masks.is_some() || photographs.has_named_masks => {
+                "a file for each image"
+            }
+            Some(photographs) if photographs.has_opacity => "the opacity of the images",
             Some(_) if self.learns_shape() => "none: without them a shape is hard to learn",
             _ => "none",
         }
@@ -71,7 +73,7 @@ impl Template<'_> {
 
     /// Whether somebody has to fill in cameras.
     pub(super) fn needs_cameras(&self) -> bool {
-        self.photographs.is_some_and(|own| matches!(own.source, Source::Nowhere))
+        self.photographs.is_some_and(|photographs| matches!(photographs.source, Source::Nowhere))
     }
 
     fn learns_shape(&self) -> bool {
@@ -87,7 +89,7 @@ impl Template<'_> {
     fn ball(&self) -> (DVec3, f64) {
         match (self.start, self.photographs) {
             (Some(start), _) if start.ball.1 > 0.0 => start.ball,
-            (None, Some(own)) => match gaze(&own.cameras) {
+            (None, Some(photographs)) => match gaze(&photographs.cameras) {
                 Some((center, radius)) => (rounded(center, radius), SPHERE * radius),
                 None => (DVec3::ZERO, 1.0),
             },
@@ -150,7 +152,7 @@ impl Template<'_> {
     /// Cameras, and the views that have them.
     fn camera_entries(&self) -> String {
         let (center, radius) = self.ball();
-        let Some(own) = self.photographs else {
+        let Some(photographs) = self.photographs else {
             let position = center + DISTANCE * radius * DVec3::new(0.4, 0.3, 0.87).normalize();
             return format!(
                 "# A view without an image can be rendered. With one: image = \"images/front.png\".\n\
@@ -162,59 +164,59 @@ impl Template<'_> {
                 vector(center)
             );
         };
-        let mut said = match &own.source {
+        let mut toml = match &photographs.source {
             Source::Transforms(file) => format!("[cameras]\ntransforms = {}\n", text(file)),
             Source::Colmap(model, images) => {
                 format!("[cameras]\ncolmap = {}\nimages = {}\n", text(model), text(images))
             }
-            Source::Nowhere => return self.views_to_fill_in(own, center, radius),
+            Source::Nowhere => return self.views_to_fill_in(photographs, center, radius),
         };
-        if own.masks.is_some() {
-            said += &format!("masks = {}\n", text(&own.mask_folder));
+        if photographs.masks.is_some() {
+            toml += &format!("masks = {}\n", text(&photographs.mask_folder));
         }
-        said += "# Each so many-th view is measured and never learnt from.\n";
-        said += match own.images.len() >= HELD_OUT {
+        toml += "# Each so many-th view is measured and never learnt from.\n";
+        toml += match photographs.images.len() >= HELD_OUT {
             true => "held_out_every = 8\n",
             false => "# held_out_every = 8\n",
         };
-        said
+        toml
     }
 
-    fn views_to_fill_in(&self, own: &Photographs, center: DVec3, radius: f64) -> String {
-        let mut said = "# FILL IN the camera of each view: where it stood, what it looked at, and its angle\n\
+    fn views_to_fill_in(&self, photographs: &Photographs, center: DVec3, radius: f64) -> String {
+        let mut toml = "# FILL IN the camera of each view: where it stood, what it looked at, and its angle\n\
              # of view across, in degrees. In place of these, a camera can have `pose`, four rows\n\
              # of a matrix, and `focal`, in pixels. Views that are held out are measured and never\n\
              # learnt from.\n"
             .to_owned();
         let position = center + DVec3::new(0.0, 0.0, DISTANCE * radius);
-        for (k, image) in own.images.iter().enumerate() {
-            said += &format!("[[views]]\nimage = {}\n", text(image));
-            if let Some(mask) = own.masks.as_ref().and_then(|masks| masks.get(k)) {
-                said += &format!("mask = {}\n", text(mask));
+        for (k, image) in photographs.images.iter().enumerate() {
+            toml += &format!("[[views]]\nimage = {}\n", text(image));
+            if let Some(mask) = photographs.masks.as_ref().and_then(|masks| masks.get(k)) {
+                toml += &format!("mask = {}\n", text(mask));
             }
-            said += &format!(
+            toml += &format!(
                 "held_out = false\ncamera = {{ position = {}, target = {}, angle = {} }}\n\n",
                 vector(position),
                 vector(center),
                 number(ANGLE)
             );
         }
-        said.truncate(said.trim_end().len());
-        said.push('\n');
-        said
+        toml.truncate(toml.trim_end().len());
+        toml.push('\n');
+        toml
     }
 
     fn pipeline(&self) -> String {
-        let mut said = "[pipeline]\n\
+        let mut toml = "[pipeline]\n\
              # \"exact\": the true gradient of edges. \"antialias\" is faster, for meshes whose faces are\n\
              # larger than pixels. \"aliased\" moves no edge.\nsilhouettes = \"exact\"\n\
              # The linear colour behind the objects.\nbackground = [0, 0, 0]\n\
              # \"srgb\" for photographs, \"linear\" for images of light.\ntone = \"srgb\"\n"
             .to_owned();
-        said += "\n# With a light or an environment, surfaces answer light. Without, they show their colour.\n\
+        toml += "\n# With a light or an environment, surfaces answer light. Without, they show their colour.\n\
              # [[lights]]\n# kind = \"directional\"\n# direction = [1, 2, 3]  # towards the light\n\
              # color = [3, 3, 3]\n";
-        said
+        toml
     }
 
     fn learn(&self) -> String {
@@ -222,7 +224,7 @@ impl Template<'_> {
              [learn.vertices]\nsmoothing = 10.0\n\n";
         let texture = "[learn.texture]\n\
              # Neighbouring texels are alike, where no view says otherwise.\ntotal_variation = 1e-3\n";
-        let said = match self.start.map(|start| start.paint) {
+        let toml = match self.start.map(|start| start.paint) {
             None => format!("{vertices}{texture}"),
             Some(Paint::Textures | Paint::Coordinates) => texture.to_owned(),
             Some(Paint::Colors) => "[learn.colors]\nrate = 0.05\n".to_owned(),
@@ -232,33 +234,33 @@ impl Template<'_> {
         };
         let pose = "# Where the mesh stands, if it does not lie on the images yet. See [[stages]] below, too.\n\
              # [learn.pose]\n";
-        let said = format!("{said}\n{pose}");
+        let toml = format!("{toml}\n{pose}");
         match self.photographs {
-            Some(_) => said,
+            Some(_) => toml,
             None => {
-                format!("# To be learnt from images, once there are some:\n{}", commented(&said))
+                format!("# To be learnt from images, once there are some:\n{}", commented(&toml))
             }
         }
     }
 
     fn loss(&self) -> String {
-        let mut said = "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n".to_owned();
+        let mut toml = "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n".to_owned();
         if self.compares_masks() {
-            said += "# The weight of silhouettes beside colours.\nsilhouette = 1.0\n";
+            toml += "# The weight of silhouettes beside colours.\nsilhouette = 1.0\n";
         } else {
-            said += "# The weight of silhouettes beside colours: it needs masks, or images with opacity.\n\
+            toml += "# The weight of silhouettes beside colours: it needs masks, or images with opacity.\n\
                  # silhouette = 1.0\n";
         }
-        said
+        toml
     }
 
     fn steps(&self) -> String {
         let steps = if self.learns_shape() { 1000 } else { 500 };
-        let images = self.photographs.map_or(1, |own| own.images.len());
+        let images = self.photographs.map_or(1, |photographs| photographs.images.len());
         let views = images.min(VIEWS);
-        let reduce = self.photographs.map_or(1, |own| reduce(&own.sizes));
+        let reduce = self.photographs.map_or(1, |photographs| reduce(&photographs.sizes));
         // Of the shorter side some 16 pixels are left.
-        let coarse = self.photographs.map_or(1, |own| coarse(&own.sizes));
+        let coarse = self.photographs.map_or(1, |photographs| coarse(&photographs.sizes));
         let learnt = "learn = [\"pose\"]";
         let first = format!(
             "# From a pose that is up to 90 degrees off: first the pose, by silhouettes of small images.\n\

@@ -1,7 +1,7 @@
 //! A fit of a scene: what comes before it, its rules and listeners, and how it ends.
 
 use std::cell::RefCell;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::PoisonError;
 
 use bokashi_fit::{FitError, Given, Listener, Ranks, Rules, Stop, drive};
@@ -13,6 +13,7 @@ use super::outcome::values;
 use super::progress_bar::Bar;
 use super::record::{Record, Recorder, held_out};
 use super::results::{Results, files, save_views};
+use crate::arguments::FitArguments;
 use crate::failure::Failure;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
 use crate::live::{Ended, Live};
@@ -21,34 +22,13 @@ use crate::places::Places;
 use crate::plain::shell_word;
 use crate::threads::start_threads;
 
-/// What a fit of a scene is to do.
-#[derive(Debug, Clone)]
-pub(crate) struct FitOptions {
-    pub(crate) scene: PathBuf,
-    pub(crate) out: PathBuf,
-    /// Whether the user named it.
-    pub(crate) is_out_named: bool,
-    /// At most so many steps, those before included.
-    pub(crate) steps: Option<u64>,
-    pub(crate) seconds: Option<f64>,
-    /// The file to go on from; by default the checkpoint among the results.
-    pub(crate) resume: Option<Option<PathBuf>>,
-    /// Saved after every so many steps, too.
-    pub(crate) save_every: Option<u64>,
-    pub(crate) json: Option<PathBuf>,
-    pub(crate) threads: Option<usize>,
-    /// The port of the live page.
-    pub(crate) live: Option<u16>,
-    pub(crate) quiet: bool,
-}
-
 /// Fits a scene; `ranks` share it. Of several, the first speaks and writes, and each failure but the first rank's
 /// own is one of all.
 ///
 /// # Errors
 /// [`Failure::Use`] for places that can't be written to; [`Failure::Work`] for what is wrong with the scene;
 /// [`Failure::Interrupted`] by a signal, with how to go on.
-pub(crate) fn run(options: &FitOptions, ranks: &Ranks<f32>) -> Result<(), Failure> {
+pub(crate) fn run(options: &FitArguments, ranks: &Ranks<f32>) -> Result<(), Failure> {
     let interrupt = Interrupt::default();
     let ended = run_until(options, ranks, &interrupt);
     // Whoever ends the job meanwhile does not wait. The others do wait: the first may be writing yet.
@@ -60,18 +40,18 @@ pub(crate) fn run(options: &FitOptions, ranks: &Ranks<f32>) -> Result<(), Failur
 
 /// [`run`], until `interrupt` asks for the end.
 fn run_until(
-    options: &FitOptions,
+    options: &FitArguments,
     ranks: &Ranks<f32>,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let writing = Writing::default();
-    let checkpoint = options.out.join(CHECKPOINT);
+    let checkpoint = options.out().join(CHECKPOINT);
     let resume = options.resume.as_ref().map(|file| file.as_deref().unwrap_or(&checkpoint));
     let load = |is_first| begin(options, is_first, &writing, interrupt);
     let mut fit = SceneFit::begin_among(ranks, &settings_of(options), resume, load)?;
     let notes = notes(&fit)?;
     if fit.is_first() {
-        make_folder(&options.out)?;
+        make_folder(options.out())?;
     }
     let is_quiet = options.quiet || options.json.as_deref().is_some_and(is_standard_output);
     let speaks = fit.is_first() && !is_quiet;
@@ -102,14 +82,14 @@ fn run_until(
         let is_saved = matches!(failure, Failure::Interrupted { .. });
         // What was learnt till then is kept.
         let is_worth = !is_saved && is_trusted && fit.steps_done() > 0;
-        return Err(match is_worth && save(&fit, &options.out).is_ok() {
+        return Err(match is_worth && save(&fit, options.out()).is_ok() {
             true => with_how_to_go_on(failure, &fit, options),
             false => failure,
         });
     }
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-    fit.on_first(|| Ok::<_, Failure>(save(&fit, &options.out)?))?;
-    let (out, json, page) = (&*options.out, options.json.as_deref(), page.as_ref());
+    fit.on_first(|| Ok::<_, Failure>(save(&fit, options.out())?))?;
+    let (out, json, page) = (options.out(), options.json.as_deref(), page.as_ref());
     let record = record.borrow();
     let results = Results { out, json, page, speaks, time: record.started.elapsed() };
     let written = save_views(&fit, out).map_err(Failure::from);
@@ -121,7 +101,7 @@ fn run_until(
 /// Steps until a rule says stop, with `steps` in all.
 fn steps_of(
     fit: &mut SceneFit,
-    options: &FitOptions,
+    options: &FitArguments,
     steps: u64,
     interrupt: &Interrupt,
     record: &RefCell<Record>,
@@ -129,14 +109,14 @@ fn steps_of(
 ) -> Result<Stop, SceneError> {
     let mut recorder = Recorder(record);
     let mut bar = Bar::new(options.quiet || !fit.is_first(), steps, record);
-    let mut checkpoint = Checkpoint::new(&options.out, options.save_every, bar.warner());
+    let mut checkpoint = Checkpoint::new(options.out(), options.save_every, bar.warner());
     let mut held_out = held_out(steps, record);
     let mut listeners: Vec<&mut dyn Listener<SceneFit>> =
         vec![&mut recorder, &mut bar, &mut checkpoint];
     listeners.extend(page.map(|page| page as &mut dyn Listener<SceneFit>));
     listeners.push(&mut held_out);
     let signal = || interrupt.signal();
-    let rules = Rules { steps: Some(steps), seconds: options.seconds, interrupt: Some(&signal) };
+    let rules = Rules { steps: Some(steps), seconds: options.time, interrupt: Some(&signal) };
     drive(fit, &rules, &mut listeners)
 }
 
@@ -172,11 +152,11 @@ fn changes(changed: &[String]) -> Vec<String> {
 }
 
 /// What has to be the same on all ranks.
-fn settings_of(options: &FitOptions) -> Given {
-    let FitOptions { steps, seconds, resume, save_every, .. } = options;
+fn settings_of(options: &FitArguments) -> Given {
+    let FitArguments { steps, time, resume, save_every, .. } = options;
     let all = [
         ("--steps", format!("{steps:?}")),
-        ("--seconds", format!("{seconds:?}")),
+        ("--time", format!("{time:?}")),
         ("--resume", format!("{:?}", resume.is_some())),
         ("--save-every", format!("{save_every:?}")),
     ];
@@ -185,7 +165,7 @@ fn settings_of(options: &FitOptions) -> Given {
 
 /// What comes before the fit.
 fn begin(
-    options: &FitOptions,
+    options: &FitArguments,
     is_first: bool,
     writing: &Writing,
     interrupt: &Interrupt,
@@ -193,7 +173,7 @@ fn begin(
     if is_first {
         let json = options.json.as_deref().map(|file| ("--json", file));
         let named = json.into_iter().collect();
-        let (out, is_out_named) = (Some(options.out.as_path()), options.is_out_named);
+        let (out, is_out_named) = (Some(options.out()), options.out.is_some());
         let report = &["index.html", CHECKPOINT];
         Places { out, is_out_named, report, files: named, read: Vec::new() }.check()?;
     }
@@ -201,14 +181,14 @@ fn begin(
     end_when_interrupted(writing, Some(interrupt))?;
     let scene = Scene::load(&options.scene)?;
     if is_first {
-        scene.check_results(&options.out, &files(&scene))?;
+        scene.check_results(options.out(), &files(&scene))?;
     }
     Ok(scene)
 }
 
 /// Saves the fit on a signal, and says how to go on. No rank ends before: it may take the others with it.
-fn interrupted(fit: &SceneFit, options: &FitOptions, signal: i32) -> Failure {
-    let saved = fit.on_first(|| Ok::<_, Failure>(save(fit, &options.out)?));
+fn interrupted(fit: &SceneFit, options: &FitArguments, signal: i32) -> Failure {
+    let saved = fit.on_first(|| Ok::<_, Failure>(save(fit, options.out())?));
     let message = match saved {
         Ok(()) => {
             let steps = fit.steps_done();
@@ -220,8 +200,8 @@ fn interrupted(fit: &SceneFit, options: &FitOptions, signal: i32) -> Failure {
 }
 
 /// The command that goes on from the checkpoint.
-fn how_to_go_on(fit: &SceneFit, options: &FitOptions) -> String {
-    let (scene, out) = (shell_word(&options.scene), shell_word(&options.out));
+fn how_to_go_on(fit: &SceneFit, options: &FitArguments) -> String {
+    let (scene, out) = (shell_word(&options.scene), shell_word(options.out()));
     let program = match fit.size() {
         1 => "bokashi".to_owned(),
         size => format!("mpirun -n {size} bokashi-mpi"),
@@ -230,7 +210,7 @@ fn how_to_go_on(fit: &SceneFit, options: &FitOptions) -> String {
 }
 
 /// What went wrong after the fit was saved.
-fn with_how_to_go_on(failure: Failure, fit: &SceneFit, options: &FitOptions) -> Failure {
+fn with_how_to_go_on(failure: Failure, fit: &SceneFit, options: &FitArguments) -> Failure {
     match failure {
         Failure::Work(message) => {
             let how = how_to_go_on(fit, options);

@@ -11,6 +11,6 @@ mod record;
 mod render;
 mod results;
 
-pub(crate) use self::fit::{FitOptions, run};
+pub(crate) use self::fit::run;
 pub(crate) use self::outcome::HELD_OUT;
 pub(crate) use self::render::render;

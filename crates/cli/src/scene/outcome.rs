@@ -99,12 +99,12 @@ impl Outcome {
 
     /// The views that are matched worst, in words; nothing where there are no more than these.
     fn worst_in_words(&self, fit: &SceneFit) -> Option<String> {
-        let score = |own: &ViewScore| own.psnr.map(|psnr| (psnr, own.view));
+        let score = |score: &ViewScore| score.psnr.map(|psnr| (psnr, score.view));
         let mut all: Vec<_> = self.scores.iter().filter_map(score).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         let named = all.iter().take(WORST).map(|&(psnr, view)| {
-            let own = &fit.scene().views[view];
-            format!("{}{} {psnr:.1} dB", own.name, if own.held_out { ", held out," } else { "" })
+            let view = &fit.scene().views[view];
+            format!("{}{} {psnr:.1} dB", view.name, if view.held_out { ", held out," } else { "" })
         });
         let named = named.collect::<Vec<_>>().join("; ");
         (all.len() > WORST).then(|| format!("Worst views: {named}."))
@@ -129,13 +129,12 @@ impl Outcome {
         let last = values(fit);
         let parameters = self.first.iter().zip(&last).map(|((name, first), (_, last))| {
             let shape: Vec<usize> = last.shape().to_vec();
-            let own = match last.size() {
+            let mut value = match last.size() {
                 0..=MOST_LISTED => json!({"first": first.data(), "last": last.data()}),
                 _ => json!({"first_norm": norm(first), "last_norm": norm(last)}),
             };
-            let mut own = own;
-            own["shape"] = json!(shape);
-            (name.clone(), own)
+            value["shape"] = json!(shape);
+            (name.clone(), value)
         });
         let views = self.scores.iter().map(|score| {
             let view = &fit.scene().views[score.view];
@@ -203,10 +202,10 @@ mod tests {
         let of = |loss: &dyn Fn(usize) -> f64| fall(&(0..400).map(loss).collect::<Vec<_>>());
         // Over a quarter, 100 steps, it falls by this share.
         let share = 1.0 - (-0.5_f64).exp();
-        let found = of(&|k| (-0.005 * k as f64).exp()).unwrap();
-        assert!((found - share).abs() < 1e-9, "{found}");
-        let found = of(&|k| noise(k) * (-0.005 * k as f64).exp()).unwrap();
-        assert!((found - share).abs() < 0.1, "{found}");
+        let fell = of(&|k| (-0.005 * k as f64).exp()).unwrap();
+        assert!((fell - share).abs() < 1e-9, "{fell}");
+        let fell = of(&|k| noise(k) * (-0.005 * k as f64).exp()).unwrap();
+        assert!((fell - share).abs() < 0.1, "{fell}");
         assert_eq!(of(&noise), None);
         assert_eq!(of(&|_| 1.0), None);
         assert_eq!(of(&|k| 1.0 + (-0.05 * k as f64).exp()), None);

@@ -43,9 +43,9 @@ impl Pictures {
         let png = |image: &Tensor<f32>| Ok::<_, SceneError>(Arc::from(scene.png_of(image)?));
         let target = seen.target.as_ref();
         let difference = target.map(|target| {
-            let (own, other) = (seen.image.data(), target.data());
+            let (image, target) = (seen.image.data(), target.data());
             // Grey where they agree.
-            let off = |k: usize| 0.5 + 0.5 * GAIN * (own[k] - other[k]);
+            let off = |k: usize| 0.5 + 0.5 * GAIN * (image[k] - target[k]);
             let image = Tensor::from_flat_fn(seen.image.shape(), off);
             let picture = Picture::from_color(&image, ColorSpace::Linear)?;
             Ok::<_, SceneError>(Arc::from(picture.encode_png(&Place::new("a difference"))?))
@@ -82,31 +82,31 @@ struct Shown {
 impl Shown {
     fn new(model: &Model, geometry: &Geometry, submesh: &Submesh, place: &DMat4) -> Self {
         let material = submesh.material.and_then(|k| model.materials.get(k));
-        let image = material.and_then(|own| own.base_color_map.image);
+        let image = material.and_then(|material| material.base_color_map.image);
         let image = image.and_then(|k| model.images.get(k));
-        let base = material.map_or([1.0; 3], |own| {
-            let [red, green, blue, _] = own.base_color;
+        let base = material.map_or([1.0; 3], |material| {
+            let [red, green, blue, _] = material.base_color;
             [red, green, blue]
         });
-        let own = submesh.faces.clone();
-        let (vertices, faces) = picked(&geometry.faces[own.clone()]);
+        let range = submesh.faces.clone();
+        let (vertices, faces) = picked(&geometry.faces[range.clone()]);
         let positions = vertices.iter().map(|&vertex| geometry.positions[vertex as usize]);
         let mut colors = vec![base; vertices.len()];
-        if let Some(rows) = geometry.colors.as_ref().filter(|rows| rows.covers(&own)) {
+        if let Some(rows) = geometry.colors.as_ref().filter(|rows| rows.covers(&range)) {
             // A vertex with several has the last.
-            let corners = faces.as_flattened().iter().zip(rows.faces[own.clone()].as_flattened());
+            let corners = faces.as_flattened().iter().zip(rows.faces[range.clone()].as_flattened());
             for (&vertex, &row) in corners {
                 let color = rows.rows[row as usize];
                 colors[vertex as usize] = [0, 1, 2].map(|k| color[k] * base[k]);
             }
         }
-        let coordinates = geometry.coordinates.as_ref().filter(|rows| rows.covers(&own));
+        let coordinates = geometry.coordinates.as_ref().filter(|rows| rows.covers(&range));
         Self {
             positions: positions.collect(),
             faces,
             colors: colors.into_iter().map(|color| color.map(encoded)).collect(),
             coordinates: coordinates.map(|rows| {
-                let (named, faces) = picked(&rows.faces[own]);
+                let (named, faces) = picked(&rows.faces[range]);
                 let named = named.into_iter().map(|row| rows.rows[row as usize]);
                 Indexed { rows: named.collect(), faces }
             }),
@@ -145,18 +145,18 @@ fn with_meshes<R>(
         submeshes.map(|submesh| Shown::new(model, geometry, submesh, &placed.transform))
     });
     let shown: Vec<Shown> = shown.collect();
-    let meshes = shown.iter().map(|own| {
-        let texture = own.coordinates.as_ref().zip(own.png.as_deref());
+    let meshes = shown.iter().map(|mesh| {
+        let texture = mesh.coordinates.as_ref().zip(mesh.png.as_deref());
         ViewerMesh {
-            positions: &own.positions,
-            faces: &own.faces,
-            colors: Some(&own.colors),
+            positions: &mesh.positions,
+            faces: &mesh.faces,
+            colors: Some(&mesh.colors),
             texture: texture.map(|(coordinates, png)| ViewerTexture {
                 coordinates: &coordinates.rows,
                 faces: &coordinates.faces,
                 png,
             }),
-            place: own.place,
+            place: mesh.place,
         }
     });
     with(&meshes.collect::<Vec<_>>())

@@ -4,29 +4,25 @@ use std::path::Path;
 
 use bokashi_scene::{Scene, SceneError, lens_note, write_result};
 
+use crate::arguments::{RenderArguments, USUAL_OUT};
 use crate::failure::Failure;
 use crate::output::say;
 use crate::places::Places;
 use crate::threads::start_threads;
 
-/// Renders the views of the scene at `path`, or one of them, to the folder `out`, which the user named or which
-/// is the usual one.
+/// Renders the views of a scene, or one of them.
 ///
 /// # Errors
 /// [`Failure::Use`] for a view that is not there, and places that can't be written to; [`Failure::Work`] for
 /// what is wrong with the scene.
-pub(crate) fn render(
-    path: &Path,
-    view: Option<&str>,
-    out: &Path,
-    is_out_named: bool,
-    threads: Option<usize>,
-    quiet: bool,
-) -> Result<(), Failure> {
+pub(crate) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
+    let RenderArguments { scene, view, threads, quiet, .. } = arguments;
+    let out = arguments.out.as_deref().unwrap_or(Path::new(USUAL_OUT));
+    let is_out_named = arguments.out.is_some();
     Places { out: Some(out), is_out_named, ..Places::default() }.check()?;
-    start_threads(threads)?;
+    start_threads(*threads)?;
     let failed = |error: SceneError| Failure::Work(error.to_string());
-    let scene = Scene::load(path).map_err(failed)?;
+    let scene = Scene::load(scene).map_err(failed)?;
     let all = match view {
         None => (0..scene.views.len()).collect(),
         Some(name) => match scene.view(name) {

@@ -7,39 +7,12 @@ use std::process::{Command, Output, Stdio};
 use bokashi_examples::{SAMPLES, Sample, Silhouettes};
 use serde_json::Value;
 
+use crate::PROGRAM;
+use crate::run::{files, folder, loads_nothing, object, run, text};
+
 /// Runs the program in `folder`.
 fn bokashi(folder: &Path, line: &str) -> Output {
-    let words = line.split_whitespace();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
-    command.args(words).current_dir(folder).stdin(Stdio::null());
-    command.output().expect("the program starts")
-}
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
-}
-
-/// Every file below a folder, hidden ones too, by path.
-fn files(folder: &Path) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut open = vec![folder.to_owned()];
-    while let Some(next) = open.pop() {
-        for entry in fs::read_dir(next).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                let below = path.strip_prefix(folder).expect("below");
-                found.push(below.to_string_lossy().replace('\\', "/"));
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("text")
+    run(PROGRAM, folder, &line.split_whitespace().collect::<Vec<_>>())
 }
 
 /// The keys of the JSON object, in order.
@@ -65,14 +38,6 @@ const KEYS: [&str; 20] = [
     "wall_seconds",
     "history",
 ];
-
-/// The object on standard output, alone there.
-fn object(output: &Output) -> Value {
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
-    let value: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
-    assert_eq!(text(&output.stdout).lines().count(), 1);
-    value
-}
 
 #[test]
 fn json_on_standard_output_is_one_object_with_every_key() {
@@ -120,13 +85,6 @@ fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
     let one = run(1);
     assert_eq!(run(2), one);
     assert_eq!(run(5), one);
-}
-
-/// The pages of a report load nothing from elsewhere.
-fn loads_nothing(page: &str) {
-    for loads in ["<script", "src=\"http", "href=\"http", "url(", "@import", "<link"] {
-        assert!(!page.contains(loads), "{loads}");
-    }
 }
 
 /// Checks that the program refuses each line before it does anything, in a folder with `file`: with
@@ -211,7 +169,7 @@ fn a_wrong_request_is_status_2_and_one_line() {
 #[test]
 fn more_threads_than_can_be_started_are_refused_wherever_they_are_asked_for() {
     let folder = folder();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    let mut command = Command::new(PROGRAM);
     command.args(["paper", "fit", "--resolution", "8", "--steps", "1"]).current_dir(folder.path());
     let output = command.env("RAYON_NUM_THREADS", "999999").output().expect("it starts");
     let said = text(&output.stderr);
@@ -292,7 +250,7 @@ fn a_report_is_a_page_that_needs_nothing_else_with_tables_and_pictures_beside_it
     }
     let table = fs::read_to_string(made.join("fits.csv")).expect("a table");
     let columns: Vec<usize> = table.lines().map(|row| row.split(',').count()).collect();
-    assert_eq!(columns, [20, 20]);
+    assert_eq!(columns, [21, 21]);
 }
 
 #[test]
@@ -309,7 +267,7 @@ fn without_a_command_four_sigmas_are_fitted_at_two_sets_of_rates_into_out() {
 fn a_full_disk_is_status_1_and_one_line() {
     let folder = folder();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full device");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    let mut command = Command::new(PROGRAM);
     command.args(["paper", "fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
     let output = command.current_dir(folder.path()).stdout(full).output().expect("it starts");
     assert_eq!(output.status.code(), Some(1));
@@ -452,7 +410,7 @@ fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
 #[cfg(target_os = "linux")]
 fn heedful() -> Command {
     let mut command = Command::new("env");
-    command.args(["--default-signal=HUP,INT,TERM", env!("CARGO_BIN_EXE_bokashi")]);
+    command.args(["--default-signal=HUP,INT,TERM", PROGRAM]);
     command
 }
 
@@ -499,7 +457,7 @@ fn a_signal_ends_a_fit_with_128_and_its_number() {
 #[test]
 fn a_signal_that_was_ignored_stays_ignored() {
     let folder = folder();
-    let program = env!("CARGO_BIN_EXE_bokashi");
+    let program = PROGRAM;
     let fit = "paper fit --resolution 16 --steps 3000 --experiment sigma --quiet --json out.json";
     // The shell tells its number, which the program keeps.
     let script = format!("trap '' HUP; echo $$; exec '{program}' {fit}");
@@ -543,7 +501,7 @@ fn a_file_that_never_ends_is_left_at_the_second_signal() {
 #[test]
 fn a_reader_that_goes_away_ends_the_program_without_a_word() {
     let folder = folder();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    let mut command = Command::new(PROGRAM);
     // Long enough: until it has started, a program of another test holds the pipe's other end, too.
     command.args(["paper", "fit", "--resolution", "8", "--steps", "5000", "--json", "-"]);
     command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -565,7 +523,7 @@ fn what_is_no_regular_file_is_written_in_place() {
     assert!(serde_json::from_slice::<Value>(&output.stderr).is_ok());
     assert!(files(folder.path()).is_empty());
     // A descriptor that the shell opened, whose file keeps what is there.
-    let program = env!("CARGO_BIN_EXE_bokashi");
+    let program = PROGRAM;
     let script = format!("echo before > log; exec 5>> log; '{program}' {fit} /dev/fd/5");
     let mut shell = Command::new("sh");
     let status = shell.args(["-c", &script]).current_dir(folder.path()).status().expect("a shell");

@@ -2,4 +2,7 @@
 
 mod commands;
 mod hostile;
+mod run;
 mod scenes;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_bokashi");

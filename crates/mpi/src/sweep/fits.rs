@@ -34,7 +34,7 @@ const OWN: [&str; 3] = ["--out", "--json", "--quiet"];
 /// # Errors
 /// [`Failure::Use`] for a file that can't be read, and for fits that can't be told apart.
 pub fn read(path: &Path) -> Result<Vec<Fit>, Failure> {
-    let wrong = |said: String| Failure::Use(format!("{}: {said}", path.display()));
+    let wrong = |message: String| Failure::Use(format!("{}: {message}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
     let Sweep { fit: fits } = toml::from_str(&text).map_err(|error| wrong(error.to_string()))?;
     check(&fits).map_err(wrong)?;
@@ -53,8 +53,8 @@ fn check(fits: &[Fit]) -> Result<(), String> {
             return Err(format!("each fit has a name of its own, and two are {name:?}"));
         }
         let is_own = |word: &&String| OWN.contains(&word.split('=').next().unwrap_or_default());
-        if let Some(own) = arguments.iter().find(is_own) {
-            return Err(format!("where results go is the sweep's: {name:?} has {own}"));
+        if let Some(option) = arguments.iter().find(is_own) {
+            return Err(format!("where results go is the sweep's: {name:?} has {option}"));
         }
     }
     match fits {
@@ -93,7 +93,7 @@ mod tests {
             paper: false,
             arguments: vec![word.into()],
         };
-        for (fits, said) in [
+        for (fits, message) in [
             (vec![], "at least one fit"),
             (vec![fit("a", ""), fit("a", "")], "two are \"a\""),
             (vec![fit("../a", "")], "a name has letters"),
@@ -101,7 +101,7 @@ mod tests {
             (vec![fit("a", "--json=a")], "where results go is the sweep's"),
         ] {
             let refused = check(&fits).unwrap_err();
-            assert!(refused.contains(said), "{refused}");
+            assert!(refused.contains(message), "{refused}");
         }
     }
 }

@@ -35,7 +35,7 @@ const NONE: u64 = u64::MAX;
 const MOST_SAID: usize = 2000;
 
 /// What a rank tells the first: how its last fit ended, and whether it was asked to end.
-type Said = (Option<Ended>, bool);
+type Answer = (Option<Ended>, bool);
 
 /// A fit under way.
 struct Running {
@@ -53,12 +53,12 @@ impl Running {
         let folder = out.join(name);
         let failed = |error: std::io::Error| format!("it could not be started: {error}");
         fs::create_dir_all(&folder).map_err(failed)?;
-        let said = File::create(folder.join("said.txt")).map_err(failed)?;
+        let errors = File::create(folder.join("said.txt")).map_err(failed)?;
         let mut command = Command::new(std::env::current_exe().map_err(failed)?);
         let paper = paper.then_some("paper");
         command.arg(ALONE).args(paper).arg("fit").args(arguments).arg("--quiet");
         command.arg("--out").arg(&folder).arg("--json").arg(folder.join("fit.json"));
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
         let child = command.spawn().map_err(failed)?;
         Ok(Self { fit, child, started: Instant::now(), folder, is_asked: false })
     }
@@ -69,12 +69,12 @@ impl Running {
             Ok(None) => return None,
             Ok(Some(status)) if status.success() => None,
             Ok(Some(status)) => {
-                let said = fs::read_to_string(self.folder.join("said.txt")).unwrap_or_default();
-                let said = said.trim().trim_start_matches("bokashi-mpi: ");
+                let text = fs::read_to_string(self.folder.join("said.txt")).unwrap_or_default();
+                let text = text.trim().trim_start_matches("bokashi-mpi: ");
                 let start =
-                    (0..=said.len().min(MOST_SAID)).rev().find(|&at| said.is_char_boundary(at));
-                let said = &said[..start.unwrap_or(0)];
-                Some(if said.is_empty() { status.to_string() } else { said.to_owned() })
+                    (0..=text.len().min(MOST_SAID)).rev().find(|&at| text.is_char_boundary(at));
+                let text = &text[..start.unwrap_or(0)];
+                Some(if text.is_empty() { status.to_string() } else { text.to_owned() })
             }
             Err(error) => Some(error.to_string()),
         };
@@ -130,9 +130,11 @@ pub fn run(
     match failed.first() {
         None => Ok(()),
         Some(first) => {
-            let said = first.failure.clone().unwrap_or_default();
+            let message = first.failure.clone().unwrap_or_default();
             let (count, all, name) = (failed.len(), fits.len(), &fits[first.fit].name);
-            Err(Failure::Work(format!("{count} of {all} fits failed, the first: {name}: {said}")))
+            Err(Failure::Work(format!(
+                "{count} of {all} fits failed, the first: {name}: {message}"
+            )))
         }
     }
 }
@@ -146,34 +148,34 @@ fn hand_out(
 ) -> Vec<Ended> {
     let mut next = 0..fits.len();
     let mut ended = Vec::<Ended>::new();
-    let mut own = None::<Running>;
+    let mut current = None::<Running>;
     let mut others = world.size() - 1;
     let mut is_over = false;
     loop {
         is_over |= interrupt.signal().is_some();
         while let Some(message) = world.any_process().immediate_matched_probe() {
-            let (said, status) = message.matched_receive_vec::<u8>();
-            let (last, is_signalled) = serde_json::from_slice::<Said>(&said).unwrap_or_default();
+            let (bytes, status) = message.matched_receive_vec::<u8>();
+            let (last, is_signalled) = serde_json::from_slice::<Answer>(&bytes).unwrap_or_default();
             ended.extend(last);
             is_over |= is_signalled;
             let fit = if is_over { None } else { next.next() }.map_or(NONE, |fit| fit as u64);
             others -= i32::from(fit == NONE);
             world.process_at_rank(status.source_rank()).send(&fit);
         }
-        if let Some(running) = &mut own {
+        if let Some(running) = &mut current {
             if is_over {
                 running.ask_to_end();
             }
             if let Some(done) = running.ended(0) {
                 ended.push(done);
-                own = None;
+                current = None;
             }
         }
-        if own.is_none() {
+        if current.is_none() {
             match if is_over { None } else { next.next() } {
                 Some(fit) => match Running::start(fits, fit, out) {
-                    Ok(running) => own = Some(running),
-                    Err(said) => ended.push(not_started(fit, 0, said)),
+                    Ok(running) => current = Some(running),
+                    Err(message) => ended.push(not_started(fit, 0, message)),
                 },
                 None if others == 0 => break,
                 None => {}
@@ -185,8 +187,8 @@ fn hand_out(
     ended
 }
 
-fn not_started(fit: usize, rank: usize, said: String) -> Ended {
-    Ended { fit, rank, seconds: 0.0, failure: Some(said) }
+fn not_started(fit: usize, rank: usize, message: String) -> Ended {
+    Ended { fit, rank, seconds: 0.0, failure: Some(message) }
 }
 
 /// Any other rank: asks for a fit, does it, says how it ended, and asks for the next.
@@ -195,8 +197,8 @@ fn take(fits: &[Fit], out: &Path, rank: usize, world: &SimpleCommunicator, inter
     let mut last = None::<Ended>;
     loop {
         // Names and numbers alone have a JSON.
-        let said: Said = (last.take(), interrupt.signal().is_some());
-        first.send(&serde_json::to_vec(&said).unwrap_or_default()[..]);
+        let answer: Answer = (last.take(), interrupt.signal().is_some());
+        first.send(&serde_json::to_vec(&answer).unwrap_or_default()[..]);
         while first.immediate_probe().is_none() {
             std::thread::sleep(PAUSE);
         }
@@ -206,7 +208,7 @@ fn take(fits: &[Fit], out: &Path, rank: usize, world: &SimpleCommunicator, inter
         }
         let fit = fit as usize;
         last = Some(match Running::start(fits, fit, out) {
-            Err(said) => not_started(fit, rank, said),
+            Err(message) => not_started(fit, rank, message),
             Ok(mut running) => loop {
                 if interrupt.signal().is_some() {
                     running.ask_to_end();

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use bokashi_cli::failure::Failure;
 use bokashi_cli::output::say;
-use bokashi_cli::summary::median;
+use bokashi_report::median;
 use serde_json::Value;
 
 use super::ended::Ended;
@@ -46,23 +46,23 @@ impl<'a> Row<'a> {
 
     /// What was said in one line, where the fit failed.
     fn failure(&self) -> Option<String> {
-        let said = self.ended.failure.as_deref()?;
-        Some(said.split_whitespace().collect::<Vec<_>>().join(" "))
+        let message = self.ended.failure.as_deref()?;
+        Some(message.split_whitespace().collect::<Vec<_>>().join(" "))
     }
 
     fn csv(&self) -> String {
         let plain = |value: &Option<Value>| value.as_ref().map_or(String::new(), Value::to_string);
         let numbers: Vec<_> = self.numbers.iter().map(plain).collect();
         let Ended { rank, seconds, .. } = self.ended;
-        let said = self.failure().unwrap_or_default().replace('"', "\"\"");
-        format!("{},{rank},{seconds:.3},{},\"{said}\"\n", self.name, numbers.join(","))
+        let message = self.failure().unwrap_or_default().replace('"', "\"\"");
+        format!("{},{rank},{seconds:.3},{},\"{message}\"\n", self.name, numbers.join(","))
     }
 
     fn line(&self) -> String {
         let numbers = self.numbers.each_ref().map(|value| value.as_ref().and_then(Value::as_f64));
         let shown = match self.failure() {
             None => shown(numbers),
-            Some(said) => format!("failed: {said}"),
+            Some(message) => format!("failed: {message}"),
         };
         let Ended { rank, seconds, .. } = self.ended;
         format!("{:<36}  rank {rank:<3} {seconds:>8.1} s  {shown}\n", self.name)

@@ -174,11 +174,6 @@ impl Group {
         fits[(fits.len() - 1) / 2]
     }
 
-    /// `[lower quartile, median, upper quartile]` of a number over the seeds.
-    pub(crate) fn quartiles(&self, number: impl Fn(&Fit) -> Option<f64>) -> [f64; 3] {
-        quartiles(self.fits.iter().filter_map(number))
-    }
-
     /// `[x, low, middle, high]` of a quantity, see the head of this file.
     pub(crate) fn curve(&self, quantity: Quantity, x: impl Fn(&Window) -> f64) -> Vec<[f64; 4]> {
         let at = quantity as usize;

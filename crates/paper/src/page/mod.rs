@@ -30,6 +30,7 @@ use bokashi_report::{About, Document, Rendered, ReportError};
 
 use self::alternatives::Trial;
 use self::digest::{Fit, Group};
+use self::sections::{Content, sections};
 use crate::{Alternative, CubeSettings, Outcome};
 
 /// A report in the making: see the module.
@@ -69,6 +70,12 @@ impl Report {
         self.trials.push(Trial::new(alternative, settings, outcome));
     }
 
+    /// What the fits reached and how long they took, medians over seeds: a row per setting, as Markdown.
+    pub fn summary(&self) -> String {
+        let groups = Group::sorted(&self.fits);
+        results::summary(&groups.iter().collect::<Vec<_>>()).markdown()
+    }
+
     /// Whether there is nothing to show.
     pub fn is_empty(&self) -> bool {
         self.fits.is_empty()
@@ -96,7 +103,13 @@ impl Report {
             1 => "one fit".to_owned(),
             count => format!("{count} fits, none left out"),
         };
-        let sections = sections::sections(self, &groups, film.as_ref())?;
+        let sections = sections(&Content {
+            about: &self.about,
+            groups: &groups,
+            film: film.as_ref(),
+            failures: &self.failures,
+            trials: &self.trials,
+        })?;
         files.extend(film.map(|film| (PathBuf::from("fit.png"), film.moving)));
         for table in [table::fits(&self.fits), table::histories(&self.fits)] {
             files.push((format!("{}.csv", table.name).into(), table.csv().into()));
@@ -166,6 +179,21 @@ mod tests {
 
     fn settings(experiment: Experiment) -> CubeSettings {
         CubeSettings { resolution: 8, steps: 20, ..CubeSettings::new(experiment, Preset::Paper) }
+    }
+
+    #[test]
+    fn seeds_of_one_setting_share_a_row_of_the_summary() {
+        let mut report = Report::new(About::default());
+        for (resolution, seed, last) in [(8, 0, 1.0), (8, 1, 3.0), (16, 0, 5.0)] {
+            let settings = CubeSettings { resolution, seed, ..settings(Experiment::Vertices) };
+            report.add(&settings, outcome(&settings, last));
+        }
+        let text = report.summary();
+        let expected = [
+            "| 5.1 8 px            | 2     | 2.00     | –     | 2.00    | 0.0300  | 1.00    |",
+            "| 5.1 16 px           | 1     | 5.00     | –     | 5.00    | 0.0300  | 1.00    |",
+        ];
+        assert_eq!(text.lines().skip(2).collect::<Vec<_>>(), expected);
     }
 
     #[test]

@@ -66,8 +66,7 @@ pub(crate) fn speed(groups: &[&Group]) -> Section {
 
 fn speed_row(group: &Group) -> Vec<Cell> {
     let median = |number: &dyn Fn(&Fit) -> Option<f64>| {
-        let applies = group.fits.iter().any(|fit| number(fit).is_some());
-        applies.then(|| group.quartiles(number)[1])
+        bokashi_report::median(group.fits.iter().filter_map(number))
     };
     let is_of_sigma = group.settings.experiment == Experiment::Sigma;
     vec![
@@ -90,6 +89,28 @@ fn speed_row(group: &Group) -> Vec<Cell> {
         Cell::maybe(median(&|fit| fit.outcome.color_error_final)),
         Cell::maybe(median(&Fit::sigma_error)),
     ]
+}
+
+/// The same in few columns, for a terminal.
+pub(crate) fn summary(groups: &[&Group]) -> Table {
+    const COLUMNS: [(&str, usize); 6] = [
+        ("seeds", 1),
+        ("vertices", 7),
+        ("sigma", 10),
+        ("colours", 9),
+        ("ms/step", 3),
+        ("seconds", 6),
+    ];
+    let columns = COLUMNS.map(|(title, _)| (title, ""));
+    let mut table = Table::new("", "", &[&[("error at the end of", "")][..], &columns].concat());
+    for group in groups {
+        let row = speed_row(group);
+        let number = super::panels::number(group.settings.experiment);
+        let name = Cell::text(format!("{number} {}", group.name()));
+        let numbers = COLUMNS.map(|(_, column)| row[column].clone());
+        table.push(std::iter::once(name).chain(numbers).collect());
+    }
+    table
 }
 
 /// How far each vertex ended from its place, under the automorphism that fits best.
@@ -170,7 +191,7 @@ pub(crate) fn failures(failures: &[(CubeSettings, String)]) -> Section {
 /// Every fit: one folded table per group, or one in plain sight per experiment where each group is a single
 /// fit.
 pub(crate) fn every_fit(groups: &[&Group]) -> Section {
-    let note = "Each vertex to the place of its number: the vertex error without automorphisms; it is about \
+    let note = "Without renaming: the vertex error without automorphisms; it is about \
                 1 where a fit found the cube with its corners renamed, which no picture can tell.";
     let mut section = Section::new("fits", "Every fit", note);
     let single = groups.iter().all(|group| group.fits.len() == 1);

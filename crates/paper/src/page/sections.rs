@@ -1,18 +1,25 @@
 //! The sections of the page.
 
-use bokashi_report::{Figures, ReportError, Section, data_uri, escaped};
+use bokashi_report::{About, Figures, ReportError, Section, data_uri, escaped};
 
+use super::alternatives::Trial;
 use super::digest::Group;
 use super::film::Film;
-use super::{Report, alternatives, choices, film, gallery, panels, results};
-use crate::Experiment;
+use super::{alternatives, choices, film, gallery, panels, results};
+use crate::{CubeSettings, Experiment};
+
+/// What a page shows.
+pub(crate) struct Content<'a> {
+    pub(crate) about: &'a About,
+    pub(crate) groups: &'a [&'a Group],
+    pub(crate) film: Option<&'a Film>,
+    pub(crate) failures: &'a [(CubeSettings, String)],
+    pub(crate) trials: &'a [Trial],
+}
 
 /// All sections; those of what was not run show nothing.
-pub(crate) fn sections(
-    report: &Report,
-    groups: &[&Group],
-    film: Option<&Film>,
-) -> Result<Vec<Section>, ReportError> {
+pub(crate) fn sections(content: &Content<'_>) -> Result<Vec<Section>, ReportError> {
+    let &Content { about, groups, film, failures, trials } = content;
     let of = |experiment| -> Vec<&Group> {
         groups.iter().copied().filter(|group| group.settings.experiment == experiment).collect()
     };
@@ -23,10 +30,10 @@ pub(crate) fn sections(
         pictures(&experiments)?,
         against_step(&experiments),
         results::stuck(groups)?,
-        results::failures(&report.failures),
+        results::failures(failures),
         results::every_fit(groups),
-        choices::section(&report.about, groups),
-        alternatives::section(&report.trials),
+        choices::section(about, groups),
+        alternatives::section(trials),
     ]);
     Ok(sections)
 }

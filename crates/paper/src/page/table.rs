@@ -19,9 +19,7 @@ pub(crate) const NUMBERS: [Number; 13] = [
     (("largest of last tenth", "vertex_error_tail"), |fit| {
         Cell::maybe(fit.outcome.vertex_error_tail)
     }),
-    (("each vertex to the place of its number", "vertex_error_plain"), |fit| {
-        Cell::maybe(fit.outcome.vertex_error_plain)
-    }),
+    (("without renaming", "vertex_error_plain"), |fit| Cell::maybe(fit.outcome.vertex_error_plain)),
     (("colour error", "color_error_final"), |fit| Cell::maybe(fit.outcome.color_error_final)),
     (("sigma", "sigma_final"), |fit| Cell::maybe(fit.outcome.sigma_final)),
     (("target sigma", "sigma_target"), |fit| Cell::maybe(fit.outcome.sigma_target)),

@@ -16,6 +16,9 @@ use std::time::{Duration, Instant};
 use bokashi_scene::{Picture, Place, Samples};
 use serde_json::{Value, json};
 
+use crate::PROGRAM;
+use crate::run::{text, write};
+
 /// The addresses that the program may have, in KiB, where the system can limit them: half a GiB. It takes less
 /// than a fifth of them for a small mesh.
 const MOST_KIB: u32 = 512 << 10;
@@ -24,10 +27,9 @@ const LONG: Duration = Duration::from_secs(60);
 
 /// Runs the program within its limits.
 fn bokashi(folder: &Path, words: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_bokashi");
-    let mut command = Command::new(if cfg!(target_os = "linux") { "sh" } else { program });
+    let mut command = Command::new(if cfg!(target_os = "linux") { "sh" } else { PROGRAM });
     if cfg!(target_os = "linux") {
-        command.args(["-c", &format!("ulimit -v {MOST_KIB}; exec \"$0\" \"$@\""), program]);
+        command.args(["-c", &format!("ulimit -v {MOST_KIB}; exec \"$0\" \"$@\""), PROGRAM]);
     }
     // Each thread takes addresses that it does not use.
     command.env("MALLOC_ARENA_MAX", "1").env("RAYON_NUM_THREADS", "2");
@@ -56,10 +58,6 @@ fn bokashi(folder: &Path, words: &[&str]) -> Output {
     Output { status, stdout, stderr }
 }
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("text")
-}
-
 /// What the program says as it ends with status 1: all of it, and the error alone.
 #[track_caller]
 fn refused(folder: &Path, words: &[&str]) -> [String; 2] {
@@ -69,12 +67,6 @@ fn refused(folder: &Path, words: &[&str]) -> [String; 2] {
     assert_eq!(error.lines().count(), 1, "{words:?}: {error}");
     assert!(error.starts_with("bokashi: ") && error.len() < 2000, "{words:?}: {error}");
     [format!("{told}{error}"), error]
-}
-
-fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) {
-    let path = folder.join(name);
-    fs::create_dir_all(path.parent().unwrap()).unwrap();
-    fs::write(path, bytes).unwrap();
 }
 
 /// Asserts that `inspect` refuses a file with a message that begins with its place and has the rule.

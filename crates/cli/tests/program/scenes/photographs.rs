@@ -241,7 +241,7 @@ fn pictures_are_encoded_once() {
         );
         write(folder, "scene.toml", text);
         said(folder, &["render", "scene.toml", "--out", "drawn"]);
-        bokashi(folder, &["fit", "scene.toml", "--out", "out"]);
+        run(PROGRAM, folder, &["fit", "scene.toml", "--out", "out"]);
         let read = |name: &str| Picture::read(&Folder::new(folder).unwrap(), name).unwrap();
         assert_eq!(read("out/views/p-target.png"), photo, "{tone}");
         for name in ["drawn/p.png", "out/views/p-result.png"] {

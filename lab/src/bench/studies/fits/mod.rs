@@ -13,9 +13,10 @@ use bokashi_fit::FitError;
 use bokashi_paper::{
     CubeSettings, Experiment, Outcome, Precision, Preset, Record, STUCK, Silhouettes, run_cube,
 };
-use bokashi_report::{Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table};
+use bokashi_report::{Cell, Figures, PALETTE, Section, Stroke, Table};
 
 use self::supersampled::TIMES;
+use crate::bench::descent::{COLUMNS, Descent, cells, panel};
 use crate::bench::setting::Bench;
 
 /// A way to draw silhouettes.
@@ -32,10 +33,6 @@ const WAYS: [Way; 3] =
 /// The places of two of them.
 const ANTIALIAS: usize = 0;
 const EXACT: usize = 1;
-/// The vertex errors to reach, in sides of the cube.
-const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
-/// How many points a curve has.
-const POINTS: i32 = 60;
 
 impl Way {
     fn name(self) -> String {
@@ -83,64 +80,27 @@ impl Case {
     }
 }
 
-/// What is kept of a fit.
-#[derive(Debug, Clone, PartialEq)]
-struct Run {
-    /// Steps and seconds to each of [`LEVELS`]; infinite where it is never reached.
-    reached: [[f64; 2]; LEVELS.len()],
-    /// The vertex error at the end.
-    last: f64,
-    is_stuck: bool,
-    /// Seconds of a step, all included.
-    step_seconds: f64,
-    /// Seconds and vertex error at the steps of the curve.
-    curve: Vec<[f64; 2]>,
-}
-
-impl Run {
-    /// Of the steps' numbers, seconds and vertex errors, the last of them the end, and of all seconds.
-    fn new(history: &[[f64; 3]], seconds: f64) -> Self {
-        let reached = LEVELS.map(|level| {
-            let first = history.iter().find(|[.., error]| *error <= level);
-            first.map_or([f64::INFINITY; 2], |&[step, seconds, _]| [step, seconds])
-        });
-        let steps = history.len().saturating_sub(1).max(1) as f64;
-        let place = |point: i32| steps.powf(f64::from(point) / f64::from(POINTS)).round() as usize;
-        let mut places: Vec<usize> = (0..=POINTS).map(place).collect();
-        places.dedup();
-        let last = history[history.len() - 1][2];
-        Self {
-            reached,
-            last,
-            is_stuck: last.is_nan() || last > STUCK,
-            step_seconds: seconds / steps,
-            curve: places.into_iter().map(|at| [history[at][1], history[at][2]]).collect(),
-        }
-    }
-
-    fn of(outcome: &Outcome) -> Self {
-        let error = |record: &Record| record.vertex_error.unwrap_or(f64::NAN);
-        let history = outcome.history.iter();
-        let all: Vec<[f64; 3]> =
-            history.map(|record| [record.step as f64, record.seconds, error(record)]).collect();
-        Self::new(&all, outcome.wall_seconds)
-    }
+/// What is kept of a fit of the paper's.
+fn descent(outcome: &Outcome) -> Descent {
+    let error = |record: &Record| record.vertex_error.unwrap_or(f64::NAN);
+    let history = outcome.history.iter().map(|record| [record.seconds, error(record)]);
+    Descent::new(&history.collect::<Vec<_>>(), outcome.wall_seconds)
 }
 
 /// A start's fits, one for each of [`WAYS`].
-type Runs = [Run; WAYS.len()];
+type Runs = [Descent; WAYS.len()];
 
 fn runs(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Runs, FitError> {
     let run = |way| match way {
         Way::Own(silhouettes) => {
             let settings = case.settings(silhouettes, steps, seed);
             let outcome = || run_cube(&settings, &mut |_| ControlFlow::Continue(()));
-            Ok::<_, FitError>(Run::of(&bench.one().install(outcome)?))
+            Ok::<_, FitError>(descent(&bench.one().install(outcome)?))
         }
         Way::Supersampled => {
             let settings = case.settings(Silhouettes::Antialias, steps, seed);
             let (history, seconds) = bench.one().install(|| supersampled::run(&settings))?;
-            Ok(Run::new(&history, seconds))
+            Ok(Descent::new(&history, seconds))
         }
     };
     Ok([run(WAYS[0])?, run(WAYS[1])?, run(WAYS[2])?])
@@ -148,8 +108,8 @@ fn runs(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Runs, FitEr
 
 /// How many of the seeds that are stuck with one way are not with another.
 fn freed(all: &[Runs], stuck_with: usize, with: usize) -> [usize; 2] {
-    let stuck = all.iter().filter(|runs| runs[stuck_with].is_stuck);
-    let free = stuck.clone().filter(|runs| !runs[with].is_stuck);
+    let stuck = all.iter().filter(|runs| runs[stuck_with].is_stuck(STUCK));
+    let free = stuck.clone().filter(|runs| !runs[with].is_stuck(STUCK));
     [free.count(), stuck.count()]
 }
 
@@ -158,20 +118,14 @@ fn tabulate(case: &Case, all: &[Runs], [to_errors, ends]: [&mut Table; 2]) {
     for (with, way) in WAYS.iter().enumerate() {
         let runs = || all.iter().map(move |runs| &runs[with]);
         let head = [Cell::text(case.name()), Cell::Count(case.pixels), Cell::text(way.name())];
-        let mut row = head.to_vec();
-        for level in 0..LEVELS.len() {
-            let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
-            row.push(Cell::part([count, all.len()]));
-            row.extend([0, 1].map(|what| Cell::median(runs().map(|run| run.reached[level][what]))));
-        }
-        to_errors.push(row);
+        to_errors.push([head.to_vec(), cells(runs())].concat());
         let worst = runs().map(|run| run.last).max_by(f64::total_cmp);
         let mut row = head.to_vec();
         row.extend([
             Cell::median(runs().map(|run| 1e3 * run.step_seconds)),
             Cell::median(runs().map(|run| run.last)),
             Cell::maybe(worst),
-            Cell::part([runs().filter(|run| run.is_stuck).count(), all.len()]),
+            Cell::part([runs().filter(|run| run.is_stuck(STUCK)).count(), all.len()]),
             match with {
                 ANTIALIAS => Cell::Nothing,
                 _ => Cell::part(freed(all, ANTIALIAS, with)),
@@ -181,28 +135,8 @@ fn tabulate(case: &Case, all: &[Runs], [to_errors, ends]: [&mut Table; 2]) {
     }
 }
 
-/// The vertex error of a case against time: medians over the seeds, and quartiles as bands.
-fn panel(case: &Case, all: &[Runs]) -> Figure {
-    let curves = (0..WAYS.len()).map(|with| {
-        Curve::medians(with, &all.iter().map(|runs| &*runs[with].curve).collect::<Vec<_>>())
-    });
-    let title = format!("Vertex error: {}, {} px", case.name(), case.pixels);
-    Figure::new(title, (Scale::Seconds, "wall-clock time"), Scale::Logarithmic, curves)
-}
-
 fn tables() -> [Table; 2] {
     let head = [("experiment", "experiment"), ("pixels", "pixels"), ("silhouettes", "silhouettes")];
-    let to_errors = [
-        ("seeds to 0.1", "seeds_to_1e-1"),
-        ("steps", "median_steps_to_1e-1"),
-        ("seconds", "median_seconds_to_1e-1"),
-        ("seeds to 0.01", "seeds_to_1e-2"),
-        ("steps", "median_steps_to_1e-2"),
-        ("seconds", "median_seconds_to_1e-2"),
-        ("seeds to 1e-3", "seeds_to_1e-3"),
-        ("steps", "median_steps_to_1e-3"),
-        ("seconds", "median_seconds_to_1e-3"),
-    ];
     let ends = [
         ("ms per step", "median_milliseconds_per_step"),
         ("median error", "median_vertex_error"),
@@ -217,7 +151,7 @@ fn tables() -> [Table; 2] {
         with(
             "fits_to_errors",
             "Steps and seconds to a vertex error, medians over all seeds",
-            &to_errors,
+            &COLUMNS,
         ),
         with("fits_ends", "The vertex error at the end", &ends),
     ]
@@ -237,7 +171,8 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             all.extend(study.noted(&what, runs(bench, case, steps, seed)));
         }
         tabulate(case, &all, [&mut to_errors, &mut ends]);
-        panels.push(panel(case, &all));
+        let ways = (0..WAYS.len()).map(|way| all.iter().map(|runs| &runs[way]).collect());
+        panels.push(panel(format!("Vertex error: {}, {} px", case.name(), case.pixels), ways));
         every.extend(all);
     }
     let [exact_frees, with_antialias] = freed(&every, ANTIALIAS, EXACT);
@@ -267,10 +202,10 @@ mod tests {
     use crate::bench::effort::Effort;
 
     /// A run that ends at `last`, and reaches each level after so many steps.
-    fn run(steps: [f64; 3], last: f64) -> Run {
-        let reached = steps.map(|steps| [steps, 1e-3 * steps]);
+    fn run(steps: [f64; 3], last: f64) -> Descent {
+        let levels = steps.map(|steps| [steps, 1e-3 * steps]);
         let curve = vec![[1e-3, 1.0], [2e-3, last]];
-        Run { reached, last, is_stuck: last > STUCK, step_seconds: 1e-3, curve }
+        Descent { levels, last, step_seconds: 1e-3, curve }
     }
 
     #[test]
@@ -280,8 +215,8 @@ mod tests {
         let outcome =
             bench.one().install(|| run_cube(&settings, &mut |_| ControlFlow::Continue(())));
         let outcome = outcome.unwrap();
-        let found = Run::of(&outcome);
-        for (level, [steps, seconds]) in LEVELS.into_iter().zip(found.reached) {
+        let found = descent(&outcome);
+        for (level, [steps, seconds]) in [0.1, 0.01, 1e-3].into_iter().zip(found.levels) {
             let below = |step: usize| outcome.history[step].vertex_error.unwrap() <= level;
             if steps.is_finite() {
                 let at = steps as usize;
@@ -291,7 +226,7 @@ mod tests {
                 assert!(!(0..=300).any(below) && seconds.is_infinite(), "{level}");
             }
         }
-        assert!(found.reached[0][0].is_finite(), "{:?}", found.reached);
+        assert!(found.levels[0][0].is_finite(), "{:?}", found.levels);
         assert_eq!(Some(found.last), outcome.vertex_error_final);
         assert_eq!(found.curve[found.curve.len() - 1][1], found.last);
         assert!(found.curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
@@ -325,7 +260,8 @@ mod tests {
         assert_eq!(to_errors.rows[1][3..], row([3, 2, 1], [Some(30.0), Some(40.0), None]));
         let text = ends.markdown();
         assert!(text.contains("| 2 of 3 | – ") && text.contains("| 1 of 3 | 2 of 2 "), "{text}");
-        let panel = panel(&CASES[0], &all);
+        let ways = (0..WAYS.len()).map(|way| all.iter().map(|runs| &runs[way]).collect());
+        let panel = panel(String::new(), ways);
         assert_eq!(panel.curves[0].points[1], [2e-3, 0.1, 0.2, 0.2]);
     }
 }

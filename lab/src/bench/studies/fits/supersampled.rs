@@ -100,9 +100,9 @@ impl Pipeline<f64> for Supersampled {
     }
 }
 
-/// A fit of an experiment that learns vertices: of each step its number, the seconds until then and the
-/// vertex error; and all seconds.
-pub(super) fn run(settings: &CubeSettings) -> Result<(Vec<[f64; 3]>, f64), FitError> {
+/// A fit of an experiment that learns vertices: of each step the seconds until then and the vertex error; and
+/// all seconds.
+pub(super) fn run(settings: &CubeSettings) -> Result<(Vec<[f64; 2]>, f64), FitError> {
     let (mut pipeline, parameters) = Supersampled::new(settings)?;
     let fit_settings = FitSettings {
         steps: settings.steps,
@@ -114,7 +114,7 @@ pub(super) fn run(settings: &CubeSettings) -> Result<(Vec<[f64; 3]>, f64), FitEr
     let history = Fit::new(parameters, fit_settings)?.run(&mut pipeline)?;
     let seconds = start.elapsed().as_secs_f64();
     let steps = history.steps.iter();
-    let all = steps.map(|step| [step.step as f64, step.seconds, step.measure.vertex_error]);
+    let all = steps.map(|step| [step.seconds, step.measure.vertex_error]);
     Ok((all.collect(), seconds))
 }
 

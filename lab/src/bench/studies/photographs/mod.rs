@@ -16,23 +16,20 @@ use bokashi_render_ops::{
     Silhouettes, Size, Texture, TextureBorder, TextureFilter, downsample, interpolate_indexed,
     project, rasterize, sample_texture, se3,
 };
-use bokashi_report::{Cell, Curve, Figure, Figures, PALETTE, Scale, Section, Stroke, Table};
+use bokashi_report::{Cell, Figures, PALETTE, Section, Stroke, Table};
 use glam::DMat4;
 
 use self::object::{MOST_DEGREES, MOST_MOVED, Object, PoseError, camera, poses};
 use self::photograph::photograph;
+use crate::bench::descent::{COLUMNS, Descent, cells, panel};
 use crate::bench::setting::Bench;
 
 /// Along either side of the images, quick and full.
 const PIXELS: [&[usize]; 2] = [&[16], &[32, 64, 128]];
-/// Errors to reach: how far vertices are off in the image, in pixels.
-const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
 /// A fit that ends farther off is stuck, in pixels.
 const STUCK: f64 = 0.5;
 /// Of radians and of sides, for each step of Adam; it falls to 0 along a cosine.
 const RATE: f64 = 0.02;
-/// How many points a curve has.
-const POINTS: i32 = 60;
 /// As many pixels along a side make one.
 const TIMES: usize = 4;
 
@@ -110,19 +107,10 @@ struct Case {
 /// What is kept of a fit.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
-    /// Steps and seconds to each of [`LEVELS`]; infinite where it is never reached.
-    reached: [[f64; 2]; LEVELS.len()],
+    /// How far vertices are off in the image, in pixels.
+    descent: Descent,
     last: PoseError,
     pose: DMat4,
-    step_seconds: f64,
-    /// Seconds and pixels at the steps of the curve.
-    curve: Vec<[f64; 2]>,
-}
-
-impl Run {
-    fn is_stuck(&self) -> bool {
-        self.last.pixels.is_nan() || self.last.pixels > STUCK
-    }
 }
 
 /// The pose that an increment has made of `start`.
@@ -153,21 +141,8 @@ fn fit(way: Way, object: &Object, case: &Case, steps: u64) -> Result<Run, FitErr
         history.push([seconds, PoseError::of(&pose, truth, size).pixels]);
     }
     let pose = moved(&fit.parameters().value("increment")?, start)?;
-    let reached = LEVELS.map(|level| {
-        let first = history.iter().position(|[_, pixels]| *pixels <= level);
-        first.map_or([f64::INFINITY; 2], |at| [at as f64, history[at][0]])
-    });
-    let all = steps.max(1) as f64;
-    let place = |point: i32| all.powf(f64::from(point) / f64::from(POINTS)).round() as usize;
-    let mut places: Vec<usize> = (0..=POINTS).map(place).collect();
-    places.dedup();
-    Ok(Run {
-        reached,
-        last: PoseError::of(&pose, truth, size),
-        pose,
-        step_seconds: seconds / all,
-        curve: places.into_iter().map(|at| history[at]).collect(),
-    })
+    let last = PoseError::of(&pose, truth, size);
+    Ok(Run { descent: Descent::new(&history, seconds), last, pose })
 }
 
 /// All that is known of a seed at one size.
@@ -214,32 +189,20 @@ fn tabulate(pixels: usize, seeds: &[Seed], [ends, to_errors]: [&mut Table; 2]) {
         let runs = || seeds.iter().map(move |seed| &seed.runs[with]);
         let head = [Cell::Count(pixels), Cell::text(way.name())];
         let mut row = head.to_vec();
-        row.push(Cell::median(runs().map(|run| 1e3 * run.step_seconds)));
+        row.push(Cell::median(runs().map(|run| 1e3 * run.descent.step_seconds)));
         let errors: [fn(&Run) -> f64; 3] =
             [|run| run.last.pixels, |run| run.last.degrees, |run| run.last.translation];
         for error in errors {
             row.push(Cell::median(runs().map(error)));
             row.push(Cell::maybe(runs().map(error).max_by(f64::total_cmp)));
         }
-        row.push(Cell::part([runs().filter(|run| !run.is_stuck()).count(), seeds.len()]));
+        row.push(Cell::part([
+            runs().filter(|run| !run.descent.is_stuck(STUCK)).count(),
+            seeds.len(),
+        ]));
         ends.push(row);
-        let mut row = head.to_vec();
-        for level in 0..LEVELS.len() {
-            let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
-            row.push(Cell::part([count, seeds.len()]));
-            row.extend([0, 1].map(|what| Cell::median(runs().map(|run| run.reached[level][what]))));
-        }
-        to_errors.push(row);
+        to_errors.push([head.to_vec(), cells(runs().map(|run| &run.descent))].concat());
     }
-}
-
-/// How far vertices are off against time: medians over the seeds, and quartiles as bands.
-fn panel(pixels: usize, seeds: &[Seed]) -> Figure {
-    let curves = (0..WAYS.len()).map(|with| {
-        Curve::medians(with, &seeds.iter().map(|one| &*one.runs[with].curve).collect::<Vec<_>>())
-    });
-    let title = format!("Pose error in pixels: {pixels} px");
-    Figure::new(title, (Scale::Seconds, "wall-clock time"), Scale::Logarithmic, curves)
 }
 
 fn tables() -> [Table; 3] {
@@ -254,17 +217,6 @@ fn tables() -> [Table; 3] {
         ("worst", "worst_translation"),
         ("free", "free"),
     ];
-    let to_errors = [
-        ("seeds to 0.1 px", "seeds_to_1e-1"),
-        ("steps", "median_steps_to_1e-1"),
-        ("seconds", "median_seconds_to_1e-1"),
-        ("seeds to 0.01 px", "seeds_to_1e-2"),
-        ("steps", "median_steps_to_1e-2"),
-        ("seconds", "median_seconds_to_1e-2"),
-        ("seeds to 1e-3 px", "seeds_to_1e-3"),
-        ("steps", "median_steps_to_1e-3"),
-        ("seconds", "median_seconds_to_1e-3"),
-    ];
     let known = [
         ("pixels", "pixels"),
         ("worst pixel, ±", "largest_pixel_difference"),
@@ -275,8 +227,8 @@ fn tables() -> [Table; 3] {
         Table::new("photographs_ends", "Where fits end", &[&head[..], &ends].concat()),
         Table::new(
             "photographs_to_errors",
-            "Steps and seconds to an error, medians over all seeds",
-            &[&head[..], &to_errors].concat(),
+            "Steps and seconds to an error in pixels, medians over all seeds",
+            &[&head[..], &COLUMNS].concat(),
         ),
         Table::new("photographs_known", "How well the photographs are known", &known),
     ]
@@ -321,7 +273,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             Cell::median(found.iter().map(|seed| seed.noise)),
             Cell::maybe(found.iter().map(|seed| seed.noise).max_by(f64::total_cmp)),
         ]);
-        panels.push(panel(pixels, &found));
+        let of_way = |way: usize| found.iter().map(|seed| &seed.runs[way].descent).collect();
+        let title = format!("Pose error in pixels: {pixels} px");
+        panels.push(panel(title, (0..WAYS.len()).map(of_way)));
     }
     let legend = WAYS.iter().zip(PALETTE);
     let legend = legend.map(|(way, color)| (way.name().to_owned(), color, Stroke::Solid));
@@ -363,11 +317,12 @@ mod tests {
         let reference = PixelLoss::squared(&image, &Tensor::zeros([3])).unwrap();
         let case = Case { reference, start, truth };
         let run = fit(Way::Exact, &object, &case, 150).unwrap();
-        assert!(!run.is_stuck() && run.last.pixels < 0.05, "{:?}", run.last);
-        assert!(run.reached[0][0] > 1.0 && run.reached[0][0] <= 150.0, "{:?}", run.reached);
-        assert_eq!(run.curve[run.curve.len() - 1][1], run.last.pixels);
-        assert!(run.curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
-        let away = fit(Way::Exact, &object, &case, 1).unwrap();
-        assert!(away.is_stuck() && away.reached[0][0].is_infinite());
+        assert!(!run.descent.is_stuck(STUCK) && run.last.pixels < 0.05, "{:?}", run.last);
+        let Descent { levels, last, curve, .. } = &run.descent;
+        assert!(levels[0][0] > 1.0 && levels[0][0] <= 150.0, "{levels:?}");
+        assert_eq!((curve[curve.len() - 1][1], *last), (run.last.pixels, run.last.pixels));
+        assert!(curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+        let away = fit(Way::Exact, &object, &case, 1).unwrap().descent;
+        assert!(away.is_stuck(STUCK) && away.levels[0][0].is_infinite());
     }
 }
