@@ -136,6 +136,35 @@ fn every_loss_has_an_entry() {
     }
 }
 
+/// What none of them records has neither a time, nor a proof that it takes no memory and has the same bits on
+/// any number of threads.
+#[test]
+fn every_operation_has_a_benchmark() {
+    let tensors = fs::read_to_string(crates().join("catalogue/src/tensors.rs")).unwrap();
+    let catalogue: String =
+        (tensors + &entries("rendering")).split_whitespace().collect::<Vec<_>>().concat();
+    let [functions, _] = rendering();
+    // These record what others do; a composite at pixel centres has nothing to do, but for its image.
+    let others = [
+        "interpolate_indexed",
+        "interpolate_differentials_indexed",
+        "rasterize_behind",
+        "depth_layers",
+        "composite",
+        "exposure",
+    ];
+    let functions = functions.into_iter().filter(|name| !others.contains(&name.as_str()));
+    let of_tensors = files(&crates().join("core/src/ops")).into_iter().map(|(name, _)| name);
+    for name in functions.chain(of_tensors) {
+        let starts = [format!("entry,\"{name}\""), format!("entry,\"{name},")];
+        let is_there = starts.iter().any(|start| catalogue.contains(start));
+        assert!(
+            is_there || catalogue.contains(&format!("\"{name}\":|s|")),
+            "{name} has no benchmark"
+        );
+    }
+}
+
 /// What is not named there is compiled where it is used: it costs time, silently.
 #[test]
 fn every_operation_is_compiled_ahead() {

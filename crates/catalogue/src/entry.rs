@@ -2,6 +2,7 @@
 
 use bokashi_check::Check;
 
+use crate::benchmark::Benchmark;
 use crate::extreme::Extreme;
 
 /// An operation, or a few with one subject: everything that a harness needs to examine it.
@@ -11,12 +12,13 @@ pub struct Entry {
     cases: u32,
     checks: Vec<Check>,
     extremes: Vec<Extreme>,
+    benchmarks: Vec<Benchmark>,
 }
 
 impl Entry {
     /// An entry that has no check so far, and 24 cases for each.
     pub(crate) fn new(name: &'static str) -> Self {
-        Self { name, cases: 24, checks: Vec::new(), extremes: Vec::new() }
+        Self { name, cases: 24, checks: Vec::new(), extremes: Vec::new(), benchmarks: Vec::new() }
     }
 
     /// How many cases are drawn for each check that follows.
@@ -35,6 +37,11 @@ impl Entry {
         self
     }
 
+    /// Adds inputs on which time, memory and threads are examined.
+    pub(crate) fn benchmark(&mut self, benchmark: Benchmark) {
+        self.benchmarks.push(benchmark);
+    }
+
     /// The name of the operation, or of the family.
     pub fn name(&self) -> &'static str {
         self.name
@@ -48,5 +55,10 @@ impl Entry {
     /// Extreme inputs whose results are known.
     pub fn extremes(&self) -> &[Extreme] {
         &self.extremes
+    }
+
+    /// On what time, memory and threads are examined: none where other entries have all that it is made of.
+    pub fn benchmarks(&self) -> &[Benchmark] {
+        &self.benchmarks
     }
 }

@@ -1,7 +1,7 @@
 //! Fragments of a fixed scene, with numbers of the caller's in the place of theirs.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Fragments, Mesh, RenderError, rasterize};
+use bokashi_render_ops::{Fragments, Mesh, RasterOptions, RenderError, Sampling, rasterize};
 
 use crate::scenes::size;
 
@@ -26,4 +26,11 @@ pub(crate) fn fixed_fragments<'t, T: Scalar>(
 /// How many fragments [`fixed_fragments`] has.
 pub(crate) fn fixed_count() -> usize {
     fixed_fragments::<f64>(&Tape::new(), None).unwrap().coverage.count()
+}
+
+/// The same scene with exact coverage.
+pub(crate) fn exact_fragments<T: Scalar>(tape: &Tape<T>) -> Result<Fragments<'_, T>, RenderError> {
+    let fixed = fixed_fragments(tape, None)?;
+    let options = RasterOptions::new(fixed.coverage.size()).sampling(Sampling::Exact);
+    rasterize(fixed.clip, fixed.coverage.mesh(), options.creases(&[]))
 }

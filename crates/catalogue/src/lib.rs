@@ -1,4 +1,4 @@
-//! Every operation of Bokashi once: its subjects, strategies for their inputs, and what it refuses.
+//! Every operation of Bokashi once: its subjects, strategies for their inputs, what it refuses, and benchmarks.
 //!
 //! All that examines operations walks this list: the laws of gradients, threads, precision and refusals,
 //! benchmarks, and the test of what is compiled ahead. With its entry a new operation gets all of them.
@@ -12,6 +12,7 @@
 //! ```
 
 mod areas;
+mod benchmark;
 mod clip_scene;
 mod entry;
 mod extreme;
@@ -29,8 +30,10 @@ mod tensors;
 
 pub mod blends;
 pub mod scenes;
+pub mod setting;
 
 pub use areas::visible_areas;
+pub use benchmark::Benchmark;
 pub use entry::Entry;
 pub use extreme::{Extreme, Failure, Outcome, Verdict};
 
@@ -40,23 +43,23 @@ pub use extreme::{Extreme, Failure, Outcome, Verdict};
 macro_rules! for_each_operation {
     ($walk:ident) => {
         $walk! {
-            tensors:
-                abs add affine clamp compositions concat cos cross div
-                dot exp gather_rows keepdim ln matmul maximum mean minimum mul norm
-                normalize pad permute pow powf powi relu reshape scatter_add_rows select
-                sigmoid sin slice softplus sparse_product sqrt squared_error stack sub
-                sum sum_over tanh;
             rendering:
-                affine antialias blurred_pictures composite composite_layers depth
-                depth_of_field differentials downsample environment exact_coverage
-                eye_depth face_normals gaussian_blur interpolate irradiance lenses
-                motions over perturbed_normals pictures pipeline project
-                project_instances projections rasterize rasterize_behind reflect
-                sample_cube_map sample_texture shade still_fragments tangents tone
-                transform_normals vertex_normals;
+                project projections motions affine lenses project_instances
+                face_normals vertex_normals transform_normals tangents
+                perturbed_normals shade irradiance environment reflect tone rasterize
+                rasterize_behind differentials sample_texture sample_cube_map
+                interpolate composite composite_layers over antialias depth eye_depth
+                depth_of_field gaussian_blur downsample pictures blurred_pictures
+                still_fragments exact_coverage pipeline;
             losses:
-                depth_error halved mean_error silhouette_error ssim_error
+                mean_error ssim_error silhouette_error depth_error halved
                 total_variation vertices weighted_error;
+            tensors:
+                squared_error add sub mul div pow select minimum maximum affine exp ln
+                sqrt powi powf sin cos tanh sigmoid softplus relu abs clamp sum mean
+                sum_over dot cross norm normalize sparse_product matmul permute reshape
+                keepdim slice pad stack concat gather_rows scatter_add_rows
+                compositions;
         }
     };
 }

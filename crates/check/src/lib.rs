@@ -67,5 +67,5 @@ pub use bokashi_core::{Dual, Scalar, Tape, Var};
 pub use check::{Check, CheckReport};
 pub use failure::{Broken, Failure, Law, Numbers};
 pub use mutation::{Kills, Mutation};
-pub use subject::{Applied, Case, Input, Outcome, Refusal, Subject, sides};
+pub use subject::{Applied, Case, Input, Number, Outcome, Refusal, Subject, sides};
 pub use trial::Tally;

@@ -135,6 +135,25 @@ impl Case {
         Self { subject: Arc::new(subject), inputs: inputs.into() }
     }
 
+    /// What the subject is run on.
+    pub fn inputs(&self) -> &[Input] {
+        &self.inputs
+    }
+
+    /// Records the subject on `tape`, on variables of its inputs or of others, and returns the first of its
+    /// outputs.
+    ///
+    /// # Errors
+    /// Inputs for which the subject is not defined.
+    pub fn record<'t, T: Number>(
+        &self,
+        tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Var<'t, T>, Refusal> {
+        let outcome = T::apply(&*self.subject, tape, inputs)?;
+        outcome.outputs.first().copied().ok_or_else(|| "a subject needs an output, got none".into())
+    }
+
     /// The error with which the subject refuses the inputs; `None` where it takes them.
     pub(crate) fn error<T: Number>(&self) -> Option<Refusal> {
         let tape = Tape::<T>::new();
@@ -155,7 +174,7 @@ impl Case {
 
 /// A [`Subject`] whose type is forgotten, so that the laws are compiled once and not for every
 /// subject. They need it for three kinds of numbers alone.
-pub(crate) trait AnySubject: Debug + Send + Sync {
+pub trait AnySubject: Debug + Send + Sync {
     fn apply_f32<'t>(&self, tape: &'t Tape<f32>, inputs: &[Var<'t, f32>]) -> Applied<'t, f32>;
     fn apply_f64<'t>(&self, tape: &'t Tape<f64>, inputs: &[Var<'t, f64>]) -> Applied<'t, f64>;
     fn apply_dual<'t>(
@@ -181,9 +200,9 @@ impl<S: Subject> AnySubject for S {
     }
 }
 
-/// The kinds of numbers that subjects are run in.
-pub(crate) trait Number: Scalar {
-    /// Records `subject` on `tape`.
+/// The kinds of numbers that subjects are run in: `f32`, `f64`, and [dual numbers](crate::Dual) of `f64`.
+pub trait Number: Scalar {
+    #[doc(hidden)]
     fn apply<'t>(
         subject: &dyn AnySubject,
         tape: &'t Tape<Self>,

@@ -5,34 +5,12 @@ use std::hint::black_box;
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Picture, PixelLoss, RasterOptions, interpolate, project, rasterize,
+    Background, Cull, Picture, PixelLoss, RasterOptions, interpolate, project, rasterize,
 };
 use rayon::ThreadPool;
 
 use crate::bench::sampling::Contestant;
 use crate::bench::scenes::Scene;
-
-/// What a picture leaves on the tape, in the order of recording.
-pub(crate) struct Drawn<'t, T: Scalar> {
-    pub(crate) clip: Var<'t, T>,
-    pub(crate) fragments: Fragments<'t, T>,
-    pub(crate) surface: Var<'t, T>,
-}
-
-/// The surface of `scene` with other positions and colours.
-pub(crate) fn drawn<'t, T: Scalar>(
-    scene: &Scene,
-    options: RasterOptions,
-    positions: Var<'t, T>,
-    colors: Var<'t, T>,
-) -> Result<Drawn<'t, T>, FitError> {
-    let clip = project(positions, &scene.camera, None)?;
-    let shown = [colors.into()];
-    let creases = if scene.has_creases { &shown[..] } else { &[] };
-    let fragments = rasterize(clip, &scene.mesh, options.creases(creases))?;
-    let surface = interpolate(colors, &fragments)?;
-    Ok(Drawn { clip, fragments, surface })
-}
 
 /// The picture of `scene` with other positions and colours.
 pub(crate) fn picture<'t, T: Scalar>(
@@ -41,8 +19,11 @@ pub(crate) fn picture<'t, T: Scalar>(
     positions: Var<'t, T>,
     colors: Var<'t, T>,
 ) -> Result<Picture<'t, T>, FitError> {
-    let Drawn { fragments, surface, .. } = drawn(scene, options, positions, colors)?;
-    Ok(fragments.picture(surface, Background::Zero)?)
+    let clip = project(positions, &scene.camera, None)?;
+    let shown = [colors.into()];
+    let creases = if scene.has_creases { &shown[..] } else { &[] };
+    let fragments = rasterize(clip, &scene.mesh, options.creases(creases))?;
+    Ok(fragments.picture(interpolate(colors, &fragments)?, Background::Zero)?)
 }
 
 /// The antialiased image of `scene` with other positions and colours.

@@ -82,33 +82,7 @@ impl Scene {
         along: usize,
         pixels: usize,
     ) -> Result<Self, FitError> {
-        let mut positions = vec![0.0, 0.0, RADIUS];
-        for ring in 1..along {
-            let (sine, cosine) = (PI * ring as f64 / along as f64).sin_cos();
-            for k in 0..around {
-                let (y, x) = (2.0 * PI * k as f64 / around as f64).sin_cos();
-                positions.extend([sine * x, sine * y, cosine].map(|entry| RADIUS * entry));
-            }
-        }
-        positions.extend([0.0, 0.0, -RADIUS]);
-        let (last, around) = (positions.len() as u32 / 3 - 1, around as u32);
-        // The first vertex of a ring, and the one after vertex k of it.
-        let first = |ring: u32| 1 + ring * around;
-        let next = |k: u32| (k + 1) % around;
-        let mut faces = Vec::with_capacity(2 * around as usize * (along - 1));
-        faces.extend((0..around).map(|k| [0, 1 + k, 1 + next(k)]));
-        for ring in 0..along as u32 - 2 {
-            let (upper, lower) = (first(ring), first(ring + 1));
-            for k in 0..around {
-                faces.push([upper + k, lower + k, lower + next(k)]);
-                faces.push([upper + k, lower + next(k), upper + next(k)]);
-            }
-        }
-        let upper = first(along as u32 - 2);
-        faces.extend((0..around).map(|k| [upper + k, last, upper + next(k)]));
-
-        let shape = [positions.len() / 3, 3];
-        let positions = Tensor::new(shape, positions)?;
+        let (faces, positions) = bokashi_catalogue::setting::sphere(RADIUS, around, along);
         let colors = positions.map(|x: f64| x / (2.0 * RADIUS) + 0.5);
         Self::new(format!("{name}@{pixels}"), faces, positions, colors, pixels)
     }

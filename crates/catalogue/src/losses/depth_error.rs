@@ -5,6 +5,7 @@ use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_fit::{DepthAlignment, depth_error};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::references::{kinked, large, laws, pair, two_of_three};
@@ -46,5 +47,8 @@ pub(crate) fn entry() -> Entry {
     ));
     entry.check(laws("depth up to scale", Scale, depths(), many()));
     entry.check(laws("depth up to scale and shift", ScaleAndShift, depths(), many()));
+    benchmark!(entry, "depth_error", |s| [s.distances[0], s.distances[1]], |x| {
+        depth_error(x[0], x[1], None, DepthAlignment::ScaleAndShift)?
+    });
     entry
 }

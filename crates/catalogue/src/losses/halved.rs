@@ -5,6 +5,7 @@ use bokashi_check::{Case, Input, subject};
 use bokashi_fit::{Penalty, halved, mean_error, pyramid_error};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::references::{large, laws, pair};
@@ -26,5 +27,6 @@ pub(crate) fn entry() -> Entry {
         pair(&[5, 7, 1], number()),
         large(&[&[70, 61, 8][..]; 2]),
     ));
+    benchmark!(entry, "halved", |s| [s.image], |x| halved(x[0])?);
     entry
 }

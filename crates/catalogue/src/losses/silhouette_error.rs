@@ -4,6 +4,7 @@ use bokashi_check::{Case, subject};
 use bokashi_fit::silhouette_error;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::references::{ROWS, large, laws, pair};
@@ -16,5 +17,8 @@ pub(crate) fn entry() -> Entry {
         "silhouette_error needs two masks of one shape, got shapes [2] and [3]",
         Case::new(Silhouette, vec![leaf([2], 1.0), leaf([3], 1.0)]),
     ));
+    benchmark!(entry, "silhouette_error", |s| [s.image, s.aliased], |x| {
+        silhouette_error(x[0], x[1])?
+    });
     entry
 }

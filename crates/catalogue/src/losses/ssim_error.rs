@@ -5,6 +5,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{multiscale_ssim_error, ssim_error};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::references::{large, laws, pair};
 
@@ -26,6 +27,7 @@ pub(crate) fn entry() -> Entry {
     let multiscale = Similarity { peak: 1.0, levels: Some(Some(2)) };
     let check = laws("ms-ssim", multiscale, alike.boxed(), large(&[&[50, 70, 1][..]; 2]));
     entry.check(multiscale_refuses(check));
+    benchmark!(entry, "ssim_error", |s| [s.image, s.aliased], |x| ssim_error(x[0], x[1], 1.0)?);
     entry
 }
 

@@ -6,6 +6,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{Penalty, total_variation};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::references::{large, laws};
 
@@ -35,6 +36,9 @@ pub(crate) fn entry() -> Entry {
     entry.check(refusing(laws("total variation", smooth, texture(&[4, 3, 2]), many())));
     entry.check(laws("total variation of rows", smooth, texture(&[1, 5, 1]), many()));
     entry.check(laws("plain total variation", Plain, texture(&[3, 4, 1]), many()));
+    benchmark!(entry, "total_variation", |s| [s.image], |x| {
+        total_variation(x[0], Penalty::Absolute)?
+    });
     entry
 }
 

@@ -5,6 +5,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, composite};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::fragments::{fixed_count, fixed_fragments};
 use crate::inputs::leaves_of_shapes;
@@ -18,6 +19,9 @@ pub(crate) fn entry() -> Entry {
         let of = move |inputs: Vec<Input>| Case::new(Image { is_color }, inputs);
         entry.check(refusing(Check::from_cases("image", leaves_of_shapes(&shapes).prop_map(of))));
     }
+    benchmark!(entry, "image", |s| [s.surface, s.clip], |x| {
+        composite(x[0], &s.fragments(x[1])?, Background::Zero)?.image()?
+    });
     entry
 }
 

@@ -5,6 +5,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, depth, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::{Scene, scenes, size};
@@ -21,6 +22,7 @@ pub(crate) fn entry() -> Entry {
             of_one_face(leaf([2, 4], 1.0)),
         ));
     }
+    benchmark!(entry, "depth", |s| [s.clip], |x| depth(&rasterize(x[0], &s.mesh, s.size)?)?);
     entry
 }
 

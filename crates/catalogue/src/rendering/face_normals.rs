@@ -5,6 +5,7 @@ use bokashi_core::{Scalar, Tape, Var};
 use bokashi_render_ops::{Mesh, face_normals};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, with_one};
 use crate::surfaces::{Surface, surfaces, vanishing};
@@ -34,6 +35,7 @@ pub(crate) fn entry() -> Entry {
                 ),
         );
     }
+    benchmark!(entry, "face_normals", |s| [s.positions], |x| face_normals(x[0], &s.mesh)?);
     entry
 }
 

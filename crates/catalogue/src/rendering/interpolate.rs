@@ -2,9 +2,10 @@
 
 use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Mesh, interpolate, interpolate_indexed};
+use bokashi_render_ops::{Fragments, Mesh, interpolate, interpolate_indexed};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::fragments::{fixed_count, fixed_fragments};
 use crate::inputs::{leaf, leaves_of_shapes};
@@ -51,6 +52,10 @@ pub(crate) fn entry() -> Entry {
             )
             .refuses_midway("indices need one face per face of the mesh, 2, got 1", single),
     );
+    benchmark!(entry, "interpolate", |s| [s.colors, s.barycentrics, s.clip], |x| {
+        let barycentrics = x[1];
+        interpolate(x[0], &Fragments { barycentrics, ..s.fragments(x[2])? })?
+    });
     entry
 }
 

@@ -6,6 +6,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::irradiance;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, with_one};
 use crate::materials::{ROWS, directions};
@@ -43,6 +44,7 @@ pub(crate) fn entry() -> Entry {
                 of(leaf([9, 3], 1.0), leaf([3], 1.0)),
             ),
     );
+    benchmark!(entry, "irradiance", |s| [harmonics(), s.frames[0]], |x| irradiance(x[0], x[1])?);
     entry
 }
 
@@ -54,4 +56,9 @@ impl Subject for Irradiance {
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(irradiance(inputs[0], inputs[1])?.into())
     }
+}
+
+/// Coefficients of three channels.
+fn harmonics() -> Tensor<f64> {
+    Tensor::from_flat_fn([9, 3], |k| 1.0 / (1.0 + k as f64 / 4.0).floor())
 }

@@ -7,6 +7,7 @@ use bokashi_render_ops::over;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
@@ -34,6 +35,7 @@ pub(crate) fn entry() -> Entry {
                 Case::new(Over, [leaf([2, 0], 0.5), leaf([2, 0], 0.5)]),
             ),
     );
+    benchmark!(entry, "over", |s| [s.image, s.aliased], |x| over(x[0], x[1])?);
     entry
 }
 

@@ -7,6 +7,7 @@ use bokashi_render_ops::{Pose, project};
 use glam::DMat4;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
@@ -15,6 +16,7 @@ pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("project");
     project_with_and_without_a_pose(&mut entry);
     project_by_a_camera_that_is_learnt(&mut entry);
+    benchmark!(entry, "project", |s| [s.positions], |x| project(x[0], &s.camera, None)?);
     entry
 }
 

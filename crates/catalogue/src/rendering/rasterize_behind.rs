@@ -2,9 +2,10 @@
 
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Mesh, rasterize, rasterize_behind};
+use bokashi_render_ops::{Fragments, Mesh, rasterize, rasterize_behind};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::scenes::{Scene, scenes};
 
@@ -28,6 +29,10 @@ pub(crate) fn entry() -> Entry {
         });
         entry.check(Check::from_cases(format!("rasterize_behind, {kind}"), cases));
     }
+    benchmark!(entry, "rasterize, the layer behind", |s| [s.clip], |x| {
+        let front = rasterize(x[0].detach(), &s.mesh, s.size)?;
+        rasterize_behind(&Fragments { clip: x[0], ..front }, s.size)?.barycentrics
+    });
     entry
 }
 

@@ -14,7 +14,9 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
+use crate::setting::WIDTH;
 
 /// How many cases are drawn: they are small.
 const CASES: u32 = 64;
@@ -100,13 +102,14 @@ fn halves(subject: impl Subject, shapes: &[&[usize]]) -> Case {
 }
 
 /// The entry of an operation. For each subject: its name, a strategy for its inputs, and the subject;
-/// then shapes of inputs that are worked on in pieces, and shapes that it must refuse.
+/// then shapes of inputs that are worked on in pieces, and shapes that it must refuse. At last its benchmarks:
+/// their labels, their inputs in a setting, and what is recorded.
 macro_rules! operation {
     ($name:ident $(with $extremes:path)? $({
         $law:ident: $inputs:expr, |$x:ident| $output:expr
         $(, large $large:expr)? $(, refuses $message:literal $refused:expr)*
         $(, otherwise |$w:ident| $other:expr, refuses $said:literal $shapes:expr)*
-    })+) => {
+    })+ $($label:literal: |$s:ident| $given:tt, |$v:ident| $recorded:expr;)*) => {
         pub(crate) mod $name {
             #[allow(unused_imports, reason = "not every row names everything")]
             use super::*;
@@ -130,6 +133,7 @@ macro_rules! operation {
                     )*
                     entry.check(check);
                 })+
+                $(benchmark!(entry, $label, |$s| $given, |$v| $recorded);)*
                 entry
             }
         }
@@ -139,41 +143,48 @@ macro_rules! operation {
 operation!(add
     { add: pair(number(), number()), |x| x[0].try_add(x[1])?, large [MANY, ROW],
         refuses "add needs shapes that broadcast, got [2, 3] and [2, 4]" [&[2, 3][..], &[2, 4]] }
+    "add": |s| [s.signed, s.positive], |x| x[0].try_add(x[1])?;
 );
 
 operation!(sub
     { sub: pair(number(), number()), |x| x[0].try_sub(x[1])?, large [ROW, MANY],
         refuses "sub needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
+    "sub": |s| [s.signed, s.positive], |x| x[0].try_sub(x[1])?;
 );
 
 operation!(mul
     { mul: pair(number(), number()), |x| x[0].try_mul(x[1])?, large [MANY, MANY],
         refuses "mul needs shapes that broadcast, got [4, 1] and [3, 3]" [&[4, 1][..], &[3, 3]] }
     { square_by_one_input_twice: one(number()), |x| x[0].try_mul(x[0])? }
+    "mul": |s| [s.signed, s.positive], |x| x[0].try_mul(x[1])?;
 );
 
 operation!(div
     { div: pair(number(), non_zero()), |x| x[0].try_div(x[1])?, large [MANY, &[5, 1]],
         refuses "div needs shapes that broadcast, got [2] and [0]" [&[2][..], &[0]] }
     { div_by_a_number: one(number()), |x| x[0] / T::from_f64(3.0) }
+    "div": |s| [s.signed, s.positive], |x| x[0].try_div(x[1])?;
 );
 
 operation!(minimum
     { minimum: pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
         |x| kinked(x[0].minimum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, ROW],
         refuses "minimum needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
+    "minimum": |s| [s.signed, s.positive], |x| x[0].minimum(x[1])?;
 );
 
 operation!(maximum
     { maximum: pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
         |x| kinked(x[0].maximum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, MANY],
         refuses "maximum needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
+    "maximum": |s| [s.signed, s.positive], |x| x[0].maximum(x[1])?;
 );
 
 operation!(pow
     with extremes::POW
     { pow: pair(within(0.1..3.0), number()), |x| x[0].pow(x[1])?, large [MANY, ROW],
         refuses "pow needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
+    "pow": |s| [s.positive, s.signed], |x| x[0].pow(x[1])?;
 );
 
 operation!(select
@@ -195,6 +206,7 @@ operation!(select
         let chosen = is_large.select(is_large.select(x[0], number(1.0))?.ln(), x[0])?;
         kinked(chosen, x[0], &[0.5])
 } }
+    "select": |s| [s.signed, s.positive], |x| s.mask.select(x[0], x[1])?;
 );
 
 operation!(affine
@@ -202,38 +214,47 @@ operation!(affine
     { neg: one(number()), |x| -x[0] }
     { numbers: one(number()), |x| (x[0] * T::from_f64(0.5) + T::from_f64(2.0)) * T::from_f64(3.0)
         - T::from_f64(1.0) }
+    "affine": |s| [s.signed], |x| x[0].affine(T::from_f64(0.7), T::from_f64(0.1));
 );
 
 operation!(exp
     { exp: one(within(-5.0..5.0)), |x| x[0].exp(), large [MANY] }
+    "exp": |s| [s.signed], |x| x[0].exp();
 );
 
 operation!(ln
     { ln: one(within(0.05..9.0)), |x| x[0].ln(), large [MANY] }
+    "ln": |s| [s.positive], |x| x[0].ln();
 );
 
 operation!(sqrt
     { sqrt: one(within(0.05..9.0)), |x| x[0].sqrt(), large [MANY] }
+    "sqrt": |s| [s.positive], |x| x[0].sqrt();
 );
 
 operation!(sin
     { sin: one(within(-9.0..9.0)), |x| x[0].sin(), large [MANY] }
+    "sin": |s| [s.signed], |x| x[0].sin();
 );
 
 operation!(cos
     { cos: one(within(-9.0..9.0)), |x| x[0].cos(), large [MANY] }
+    "cos": |s| [s.signed], |x| x[0].cos();
 );
 
 operation!(tanh
     { tanh: one(within(-9.0..9.0)), |x| x[0].tanh(), large [MANY] }
+    "tanh": |s| [s.signed], |x| x[0].tanh();
 );
 
 operation!(sigmoid
     { sigmoid: one(within(-20.0..20.0)), |x| x[0].sigmoid(), large [MANY] }
+    "sigmoid": |s| [s.signed], |x| x[0].sigmoid();
 );
 
 operation!(softplus
     { softplus: one(within(-20.0..20.0)), |x| x[0].softplus(), large [MANY] }
+    "softplus": |s| [s.signed], |x| x[0].softplus();
 );
 
 operation!(powi
@@ -241,20 +262,24 @@ operation!(powi
     { powi_of_one: one(number()), |x| x[0].powi(1) }
     { powi_of_five: one(number()), |x| x[0].powi(5), large [MANY] }
     { powi_of_minus_two: one(non_zero()), |x| x[0].powi(-2) }
+    "powi": |s| [s.signed], |x| x[0].powi(3);
 );
 
 operation!(powf
     { powf: one(within(0.05..9.0)), |x| x[0].powf(T::from_f64(2.2)), large [MANY] }
     { powf_of_three: one(number()), |x| x[0].powf(T::from_f64(3.0)) }
     { powf_of_minus_a_half: one(within(0.1..9.0)), |x| x[0].powf(T::from_f64(-0.5)) }
+    "powf": |s| [s.positive], |x| x[0].powf(T::from_f64(2.25));
 );
 
 operation!(relu
     { relu: one(around(&[0.0], -2.0..2.0)), |x| kinked(x[0].relu(), x[0], &[0.0]), large [MANY] }
+    "relu": |s| [s.signed], |x| x[0].relu();
 );
 
 operation!(abs
     { abs: one(around(&[0.0], -2.0..2.0)), |x| kinked(x[0].abs(), x[0], &[0.0]), large [MANY] }
+    "abs": |s| [s.signed], |x| x[0].abs();
 );
 
 operation!(clamp
@@ -267,6 +292,7 @@ operation!(clamp
             refuses "clamp needs bounds with low <= high, got NaN and 1" [&[][..]],
         otherwise |x| x[0].clamp(T::ZERO, T::from_f64(f64::NAN))?,
             refuses "clamp needs bounds with low <= high, got 0 and NaN" [&[][..]] }
+    "clamp": |s| [s.signed], |x| x[0].clamp(-T::ONE, T::ONE)?;
 );
 
 operation!(sum
@@ -279,6 +305,7 @@ operation!(sum
     { sum_axis_1: of_shape(&[3, 2, 4]), |x| x[0].sum_axis(1)?, large [MANY],
         refuses "sum needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
     { sum_axis_2: of_shape(&[3, 2, 4]), |x| x[0].sum_axis(2)? }
+    "sum": |s| [s.positive], |x| x[0].sum();
 );
 
 operation!(mean
@@ -290,6 +317,7 @@ operation!(mean
         refuses "mean needs an axis below the rank 2, got axis 2 of shape [2, 0]" [&[2, 0][..]] }
     { mean_axis_1: of_shape(&[3, 9]), |x| x[0].mean_axis(1)?, large [MANY] }
     { mean_axis_of_extent_1: of_shape(&[3, 1, 2]), |x| x[0].mean_axis(1)? }
+    "mean": |s| [s.positive], |x| x[0].mean()?;
 );
 
 operation!(dot
@@ -308,6 +336,8 @@ operation!(dot
     { dot_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].dot(x[1])?,
         large [&[20, 1, 300], &[40, 300]] }
     { dot_with_itself: of_shape(&[4, 3]), |x| x[0].dot(x[0])? }
+    "dot": |s| [s.signed, s.positive], |x| x[0].dot(x[1])?;
+    "dot, three and a row": |s| [s.vectors[0], s.row], |x| x[0].dot(x[1])?;
 );
 
 operation!(cross
@@ -323,6 +353,7 @@ operation!(cross
     { cross_with_a_row: parts(&[&[3], &[5, 3]]), |x| x[0].cross(x[1])?, large [&[3], &[9001, 3]] }
     { cross_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].cross(x[1])?,
         large [&[70, 1, 3], &[90, 3]] }
+    "cross": |s| [s.vectors[0], s.vectors[1]], |x| x[0].cross(x[1])?;
 );
 
 operation!(norm
@@ -333,6 +364,7 @@ operation!(norm
     { norm_of_columns: vectors(&[3, 4]), |x| x[0].transpose()?.norm()?, large [&[3, 20_000]] }
     { norm_of_a_long_list: vectors(&[11]), |x| x[0].norm()?, large [&[50_000]] }
     { norm_of_one: one(non_zero()), |x| x[0].keepdim(x[0].shape().rank())?.norm()? }
+    "norm": |s| [s.vectors[0]], |x| x[0].norm()?;
 );
 
 operation!(normalize
@@ -340,6 +372,7 @@ operation!(normalize
     { normalize: vectors(&[4, 3]), |x| x[0].normalize()?, large [&[9001, 3]],
         refuses "normalize needs vectors along a last axis, got shape []" [&[][..]] }
     { normalize_a_long_list: vectors(&[11]), |x| x[0].normalize()?, large [&[50_000]] }
+    "normalize": |s| [s.vectors[0]], |x| x[0].normalize()?;
 );
 
 operation!(matmul
@@ -348,6 +381,7 @@ operation!(matmul
             [&[2, 3][..], &[2, 3]],
         refuses "matmul needs shapes [m, k] and [k, n], got shapes [3] and [3, 3]" [&[3][..], &[3, 3]] }
     { matmul_with_itself: of_shape(&[3, 3]), |x| x[0].matmul(x[0])? }
+    "matmul": |s| [s.signed, s.square], |x| x[0].matmul(x[1])?;
 );
 
 operation!(reshape
@@ -355,11 +389,13 @@ operation!(reshape
         refuses "shape [3, 1, 2] needs 6 entries, got 7" [&[7][..]],
         otherwise |w| w[0].reshape([1_usize << 33, 1 << 31])?,
         refuses "shape [8589934592, 2147483648] needs more entries than fit an index, got 2" [&[2][..]] }
+    "reshape": |s| [s.signed], |x| x[0].reshape([x[0].shape().size()])?;
 );
 
 operation!(keepdim
     { keepdim: of_shape(&[2, 3]), |x| x[0].keepdim(1)?,
         refuses "keepdim needs a new axis up to the rank 0, got 1" [&[][..]] }
+    "keepdim": |s| [s.signed], |x| x[0].keepdim(1)?;
 );
 
 operation!(permute
@@ -373,6 +409,7 @@ operation!(permute
             refuses "permute needs each axis of shape [2, 3] once, got axes [0]" [&[2, 3][..]],
         otherwise |x| x[0].permute(&[0, 2])?,
             refuses "permute needs each axis of shape [2, 3] once, got axes [0, 2]" [&[2, 3][..]] }
+    "permute": |s| [s.signed], |x| x[0].permute(&[1, 0])?;
 );
 
 operation!(slice
@@ -384,6 +421,7 @@ operation!(slice
             refuses "slice needs a range within an axis of extent 3, got 2..1" [&[2, 3][..]] }
     { slice_of_columns: of_shape(&[2, 4, 3]), |x| x[0].slice(1, 1..4)?,
         refuses "slice needs an axis below the rank 1, got axis 1 of shape [9]" [&[9][..]] }
+    "slice": |s| [s.signed], |x| x[0].slice(1, 1..WIDTH - 1)?;
 );
 
 operation!(pad
@@ -396,6 +434,7 @@ operation!(pad
         refuses "pad needs fewer entries than fit an index, got 3" [&[0, 1 << 40, 1 << 40][..]] }
     { pad_by_clamping: of_shape(&[3, 2]), |x| x[0].pad(0, [3, 2], Padding::Clamp)?, large [MANY] }
     { pad_by_wrapping: of_shape(&[2, 3]), |x| x[0].pad(1, [5, 4], Padding::Wrap)?, large [MANY] }
+    "pad": |s| [s.signed], |x| x[0].pad(1, [2, 2], Padding::Mirror)?;
 );
 
 operation!(stack
@@ -406,6 +445,7 @@ operation!(stack
             refuses "stack needs at least one part, got 0 inputs" [&[][..]] }
     { stack_of_rows: parts(&[&[2, 3], &[2, 3]]), |x| Var::stack(x, 0)?, large [MANY, MANY] }
     { stack_of_one_with_itself: of_shape(&[3]), |x| Var::stack(&[x[0], x[0]], 1)? }
+    "stack": |s| [s.signed, s.positive], |x| Var::stack(x, 1)?;
 );
 
 operation!(concat
@@ -422,6 +462,7 @@ operation!(concat
         otherwise |x| Var::concat(&x[..0], 0)?,
             refuses "concat needs at least one part, got 0 inputs" [&[][..]] }
     { concat_with_itself: of_shape(&[2, 2]), |x| Var::concat(&[x[0], x[0], x[0]], 1)? }
+    "concat": |s| [s.signed, s.positive], |x| Var::concat(x, 0)?;
 );
 
 operation!(gather_rows
@@ -430,6 +471,7 @@ operation!(gather_rows
         refuses "gather_rows needs indices within an axis of extent 3, got 3" [&[3, 2][..]] }
     { gather_entries: of_shape(&[3]), |x| x[0].gather_rows(&Arc::from([2, 2]))?,
         refuses "gather_rows needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
+    "gather_rows": |s| [s.signed], |x| x[0].gather_rows(&s.backwards)?;
 );
 
 operation!(scatter_add_rows
@@ -442,6 +484,7 @@ operation!(scatter_add_rows
     { scatter_add_entries: of_shape(&[3]), |x| x[0].scatter_add_rows(&Arc::from([1, 1, 0]), 3)?,
         refuses "scatter_add_rows needs 3 rows, one per index, got shape [4]" [&[4][..]],
         refuses "scatter_add_rows needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
+    "scatter_add_rows": |s| [s.signed], |x| x[0].scatter_add_rows(&s.spread, x[0].shape()[0] / 6 + 1)?;
 );
 
 operation!(sparse_product
@@ -460,6 +503,12 @@ operation!(sparse_product
         refuses "sparse_product needs shape [3] or [3, C], got shape [3, 1, 1]" [&[3, 1, 1][..]],
     refuses "sparse_product needs shape [3] or [3, C], got shape []" [&[][..]],
     refuses "sparse_product needs shape [3] or [3, C], got shape [2, 3]" [&[2, 3][..]] }
+    "sparse_product": |s| [s.vectors[0]], |x| {
+        // Each row beside the next five of a ring.
+        let rows = x[0].shape()[0];
+        let entry = |k: usize| ((k / 5) as u32, ((k / 5 + k % 5) % rows) as u32, T::ONE);
+        SparseMatrix::new(rows, rows, (0..5 * rows).map(entry))?.product(x[0])?
+    };
 );
 
 operation!(squared_error
@@ -470,6 +519,7 @@ operation!(squared_error
             [&[2, 3][..], &[3, 2]],
         otherwise |x| bokashi_core::mean_squared_error(x[0], x[1])?,
         refuses "mean_squared_error needs at least one entry, got shape [0, 3]" [&[0, 3][..], &[0, 3]] }
+    "squared_error": |s| [s.image, s.aliased], |x| bokashi_core::squared_error(x[0], x[1])?;
 );
 
 operation!(compositions
@@ -501,6 +551,11 @@ pub(crate) mod sum_over {
             "mul needs shapes that broadcast, got [2] and [3]",
             halves(SumOver, &[&[2], &[3]]),
         ));
+        benchmark!(entry, "sum_over", |s| [s.positive], |x| {
+            x[0].tape().sum_over(4, &x[..1], |k, _, part| {
+                Ok::<_, TensorError>(part[0].slice(1, 4 * k..4 * (k + 1))?.square().sum())
+            })?
+        });
         entry
     }
 }

@@ -3,18 +3,18 @@
 //! Textures, light and a lens on as many fragments as an image of 1024 x 1024 pixels has, and views side
 //! by side. Inputs are smooth across the image, as those of a real surface are.
 
+use bokashi_catalogue::setting::wall;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Parameter, Parameters, Pipeline, mean_squared_error, views,
 };
 use bokashi_render_ops::{
-    Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Radius, Sampler, Texture,
-    TextureFilter, depth_of_field, gaussian_blur, sample_texture,
+    Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Material, Radius, Sampler, Surface,
+    Texture, TextureFilter, depth_of_field, gaussian_blur, sample_texture, shade,
 };
 use bokashi_report::{Cell, Section, Table};
 use glam::{DMat4, DVec3};
 
-use super::operations::{metal, shaded, textured, wall};
 use crate::bench::effort::USUAL;
 use crate::bench::operation::{Case, Record, Runner, errors};
 use crate::bench::pipeline::render;
@@ -30,6 +30,16 @@ fn through_lens<'t, T: Scalar>(v: &[Var<'t, T>], tolerance: f64) -> Result<Var<'
     let lens = Lens { aperture: v[2], focus: v[3] };
     let options = LensOptions { radius: Radius::Tolerance(tolerance), ..LensOptions::default() };
     Ok(depth_of_field(v[0], DepthImage::from_distances(v[1]), lens, &options)?.image)
+}
+
+/// Samples of a texture with mipmaps, by the inputs texels, coordinates and differentials.
+fn textured<'t, T: Scalar>(
+    v: &[Var<'t, T>],
+    filter: TextureFilter,
+) -> Result<Var<'t, T>, FitError> {
+    let detail = Detail::Differentials { differentials: v[2], bias: None };
+    let texture = Texture::with_mipmaps(v[0])?;
+    Ok(sample_texture(&texture, v[1], detail, Sampler::new().filter(filter))?)
 }
 
 fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
@@ -76,8 +86,16 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
     let light = [Tensor::from([0.25, 0.5, 1.0]), Tensor::from([1.0, 2.0, 3.0])];
     let lit = [&normals, &eyes, &base, &roughness, &metallic, &light[0], &light[1]];
     add("shade, metallic-roughness", &lit, |_, v| {
+        let surface = Surface { normals: v[0], views: v[1], positions: Some(v[1]) };
+        let (base_color, roughness, metallic) = (v[2], v[3], v[4]);
+        let material = Material::MetallicRoughness {
+            base_color,
+            roughness,
+            metallic,
+            conserves_energy: false,
+        };
         let light = Light::Directional { direction: v[5], irradiance: v[6] };
-        shaded(v, metal(v, false), light)
+        Ok(shade(&surface, &material, &[light])?)
     });
     let image = Tensor::from_flat_fn([pixels, pixels, 3], |_| uniform(0.0, 1.0));
     let distances = Tensor::from_flat_fn([pixels, pixels], |k| 1.0 + 4.0 * at(k)[1]);

@@ -8,6 +8,7 @@ use bokashi_core::{Scalar, Tape, Var};
 use bokashi_fit::{Penalty, mean_error};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::references::{MANY, SMALL, kinked, large, laws, pair};
@@ -16,6 +17,9 @@ pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("mean_error").with_extremes(extremes::EXTREMES);
     mean_errors(&mut entry);
     relative_error_of_what_is_fixed(&mut entry);
+    benchmark!(entry, "mean_absolute_error", |s| [s.image, s.aliased], |x| {
+        mean_error(x[0], x[1], Penalty::Absolute)?
+    });
     entry
 }
 

@@ -10,6 +10,7 @@ use bokashi_fit::{
 };
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 
@@ -68,6 +69,11 @@ pub(crate) fn entry() -> Entry {
             check.refuses(format!("{rule} {target}"), Case::new(edges, [leaf([11, 3], 0.5)]))
         }));
     }
+    benchmark!(entry, "edge_length_error", |s| [s.positions], |x| {
+        edge_length_error(x[0], &s.topology, 0.125)?
+    });
+    benchmark!(entry, "normal_error", |s| [s.positions], |x| normal_error(x[0], &s.topology)?);
+    benchmark!(entry, "rigidity", |s| [s.positions], |x| s.rigidity.error(x[0])?);
     entry
 }
 

@@ -9,6 +9,7 @@ use bokashi_render_ops::{affine_inverse, transform_points};
 use glam::DMat4;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
@@ -69,6 +70,10 @@ pub(crate) fn entry() -> Entry {
                 moved_by(leaf([6], 0.5), with(&[])),
             ),
     );
+    benchmark!(entry, "affine_inverse", |s| [s.affine], |x| affine_inverse(x[0])?);
+    benchmark!(entry, "transform_points", |s| [s.positions, s.affine], |x| {
+        transform_points(x[0], x[1])?
+    });
     entry
 }
 

@@ -5,9 +5,10 @@ mod extremes;
 use bokashi_check::strategy::image_of;
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Composite, Size, antialias, rasterize};
+use bokashi_render_ops::{Background, Composite, Size, antialias, composite, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::blends;
 use crate::entry::Entry;
 use crate::inputs::wide;
@@ -34,6 +35,9 @@ pub(crate) fn entry() -> Entry {
             )
         }));
     }
+    benchmark!(entry, "antialias", |s| [s.surface, s.clip], |x| {
+        antialias(composite(x[0], &s.fragments(x[1])?, Background::Zero)?)?.values()
+    });
     entry
 }
 

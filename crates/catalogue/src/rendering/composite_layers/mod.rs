@@ -7,6 +7,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, Layer, composite_layers, depth_layers, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::scenes::{Scene, motley, scenes};
 
@@ -41,6 +42,17 @@ pub(crate) fn entry() -> Entry {
                 .check(Check::from_cases(format!("composite_layers, {kind}, {background}"), cases));
         }
     }
+    benchmark!(entry, "composite_layers", |s| [s.surface, s.alphas, s.clip], |x| {
+        let all = depth_layers(x[2].detach(), &s.mesh, s.size, Some(2))?;
+        let mut layers = Vec::with_capacity(all.len());
+        for fragments in &all {
+            // The layer behind has no more fragments.
+            let rows = 0..fragments.coverage.count();
+            let premultiplied = x[0].slice(0, rows.clone())?;
+            layers.push(Layer { fragments, premultiplied, alpha: x[1].slice(0, rows)? });
+        }
+        composite_layers(&layers, Background::Zero)?.values()
+    });
     entry
 }
 

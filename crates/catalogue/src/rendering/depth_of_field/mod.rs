@@ -9,6 +9,7 @@ use bokashi_render_ops::{DepthImage, Lens, LensOptions, Radius, depth_of_field};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
@@ -38,6 +39,16 @@ pub(crate) fn entry() -> Entry {
         let check = Check::from_cases(format!("depth_of_field, {radius:?}"), cases);
         entry.check(refusing(check.large(1, Just(large_view(options))), options));
     }
+    benchmark!(
+        entry,
+        "depth_of_field",
+        |s| [s.image, s.distances[0], Tensor::scalar(2.0), Tensor::scalar(1.25)],
+        |x| {
+            let lens = Lens { aperture: x[2], focus: x[3] };
+            let distances = DepthImage::from_distances(x[1]);
+            depth_of_field(x[0], distances, lens, &LensOptions::default())?.image
+        }
+    );
     entry
 }
 

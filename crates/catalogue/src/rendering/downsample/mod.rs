@@ -9,6 +9,7 @@ use bokashi_render_ops::{Border, Filter, downsample};
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
@@ -47,6 +48,12 @@ pub(crate) fn entry() -> Entry {
         );
     }
     entry.check(refusing());
+    benchmark!(entry, "downsample, box", |s| [s.image], |x| {
+        downsample(x[0], 4, &Filter::Box, Border::Mirror)?
+    });
+    benchmark!(entry, "downsample, Lanczos", |s| [s.image], |x| {
+        downsample(x[0], 4, &Filter::Lanczos(3), Border::Mirror)?
+    });
     entry
 }
 

@@ -5,17 +5,21 @@ mod extremes;
 use bokashi_check::strategy::{number, tensor};
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Fragments, RasterOptions, RenderError, Sampling, eye_depth, rasterize};
+use bokashi_render_ops::{Fragments, eye_depth, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
-use crate::fragments::fixed_fragments;
+use crate::fragments::exact_fragments;
 use crate::scenes::{Scene, scenes};
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("eye_depth").with_extremes(extremes::EXTREMES);
     eye_depth_of_what_was_rasterized(&mut entry);
     eye_depth_by_the_weights_of_pieces(&mut entry);
+    benchmark!(entry, "eye_depth", |s| [s.clip], |x| {
+        eye_depth(&rasterize(x[0], &s.mesh, s.size)?)?.values()
+    });
     entry
 }
 
@@ -47,13 +51,6 @@ fn eye_depth_of_what_was_rasterized(entry: &mut Entry) {
 
 #[derive(Debug, Clone, Copy)]
 struct OfPieces;
-
-/// Fragments of a fixed scene with exact coverage.
-fn exact_fragments<T: Scalar>(tape: &Tape<T>) -> Result<Fragments<'_, T>, RenderError> {
-    let fixed = fixed_fragments(tape, None)?;
-    let options = RasterOptions::new(fixed.coverage.size()).sampling(Sampling::Exact);
-    rasterize(fixed.clip, fixed.coverage.mesh(), options.creases(&[]))
-}
 
 impl Subject for OfPieces {
     /// Barycentrics and weights of exact coverage, variables of their own.

@@ -9,6 +9,7 @@ use bokashi_render_ops::{Blur, Border, Kernel, Radius, RenderError, gaussian_blu
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
@@ -17,6 +18,10 @@ pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("gaussian_blur").with_extremes(extremes::EXTREMES);
     gaussian_blur_of_an_image_by_a_sigma(&mut entry);
     gaussian_blur_by_tridiagonal_systems(&mut entry);
+    gaussian_blur_by_a_window_that_sees_the_whole_image(&mut entry);
+    benchmark!(entry, "gaussian_blur", |s| [s.image, Tensor::scalar(2.0)], |x| {
+        gaussian_blur(x[0], x[1], &Blur::default())?
+    });
     entry
 }
 
@@ -134,6 +139,16 @@ fn gaussian_blur_by_tridiagonal_systems(entry: &mut Entry) {
         Check::from_cases("gaussian_blur by tridiagonal systems", cases)
             .large(1, Just(by(Border::Mirror, (1e-6, 4), [100, 80], 1.5))),
     );
+}
+
+fn gaussian_blur_by_a_window_that_sees_the_whole_image(entry: &mut Entry) {
+    let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
+    // Beyond the widest window that is summed tap by tap.
+    let cases = (borders, image(), 4e3..3e4_f64).prop_map(|(border, image, sigma)| {
+        let blur = Blur { border, ..Blur::default() };
+        Case::new(GaussianBlur { blur }, [Input::leaf(image), leaf([], sigma)])
+    });
+    entry.check(Check::from_cases("gaussian_blur by a window that sees the whole image", cases));
 }
 
 /// An image that is blurred in several pieces.

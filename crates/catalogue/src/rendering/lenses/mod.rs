@@ -9,14 +9,23 @@ use bokashi_render_ops::{distort, fisheye};
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
+
+/// Coefficients of [`distort`].
+const BARREL: [f64; 5] = [-0.25, 0.0625, 0.001953125, -0.00390625, 0.0078125];
+
+/// Coefficients of [`fisheye`].
+const ANGLES: [f64; 4] = [0.0625, -0.015625, 0.00390625, -0.0009765625];
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("lenses").with_extremes(extremes::EXTREMES);
     distort_points_before_and_behind_a_lens(&mut entry);
     a_fisheye_shows_points_on_all_sides(&mut entry);
+    benchmark!(entry, "distort", |s| [s.positions, Tensor::from(BARREL)], |x| distort(x[0], x[1])?);
+    benchmark!(entry, "fisheye", |s| [s.positions, Tensor::from(ANGLES)], |x| fisheye(x[0], x[1])?);
     entry
 }
 

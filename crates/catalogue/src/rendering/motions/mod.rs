@@ -10,8 +10,15 @@ use glam::DMat4;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
+
+const ROTATION: [f64; 4] = [0.125, -0.25, 0.5, 1.0];
+
+const TRANSLATION: [f64; 3] = [0.25, -0.5, 1.0];
+
+const INCREMENT: [f64; 6] = [0.25, -0.5, 1.0, 0.125, -0.25, 0.5];
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("motions").with_extremes(extremes::EXTREMES);
@@ -70,6 +77,10 @@ pub(crate) fn entry() -> Entry {
                 of(lost, leaf([6], 0.0)),
             ),
     );
+    benchmark!(entry, "rigid", |s| [Tensor::from(ROTATION), Tensor::from(TRANSLATION)], |x| {
+        rigid(x[0], x[1])?
+    });
+    benchmark!(entry, "se3", |s| [Tensor::from(INCREMENT)], |x| se3(x[0], &s.camera)?);
     entry
 }
 

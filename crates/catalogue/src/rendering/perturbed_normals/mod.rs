@@ -10,6 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, wide};
 use crate::scenes::motley;
@@ -66,6 +67,9 @@ pub(crate) fn entry() -> Entry {
                 of(leaf([5, 2, 3], 1.0), leaf([5, 2, 4], 1.0), leaf([10, 3], 1.0)),
             ),
     );
+    benchmark!(entry, "perturbed_normals", |s| [s.frames[0], s.frames[1], s.frames[2]], |x| {
+        perturbed_normals(x[0], x[1], x[2])?
+    });
     entry
 }
 

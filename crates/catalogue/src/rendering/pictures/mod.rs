@@ -7,6 +7,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, PixelLoss, antialias, composite, interpolate, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::blends::choices;
 use crate::entry::Entry;
 use crate::inputs::wide;
@@ -17,6 +18,11 @@ pub(crate) fn entry() -> Entry {
     for background in 0..3 {
         before(&mut entry, background);
     }
+    benchmark!(entry, "squared_error, a picture", |s| [s.surface, s.clip, s.aliased], |x| {
+        let picture = composite(x[0], &s.fragments(x[1])?, Background::Zero)?;
+        let reference = x[2].value().map(|entry| entry + T::from_f64(0.125));
+        picture.loss(&PixelLoss::squared(&reference, &Tensor::zeros([3]))?)?
+    });
     entry
 }
 

@@ -10,6 +10,7 @@ use glam::DMat4;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::scenes::motley;
 
@@ -69,6 +70,9 @@ pub(crate) fn entry() -> Entry {
                 refused(&[2, 3], &[1, 4, 4], &[4]),
             ),
     );
+    benchmark!(entry, "project_instances", |s| [s.positions, s.instances], |x| {
+        project_instances(x[0], x[1], &s.camera)?
+    });
     entry
 }
 

@@ -9,8 +9,12 @@ use bokashi_render_ops::{Size, orthographic, pinhole};
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::scenes::size;
+
+/// Intrinsics of an image.
+const PIXELS: [f64; 4] = [300.0, 280.0, 127.5, 120.25];
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("projections").with_extremes(extremes::EXTREMES);
@@ -35,6 +39,12 @@ pub(crate) fn entry() -> Entry {
             check.refuses(message, case)
         }));
     }
+    benchmark!(entry, "pinhole", |s| [Tensor::from(PIXELS)], |x| pinhole(
+        x[0], s.size, 0.1, 100.0
+    )?);
+    benchmark!(entry, "orthographic", |s| [Tensor::from(PIXELS)], |x| {
+        orthographic(x[0], s.size, 0.1, 100.0)?
+    });
     entry
 }
 

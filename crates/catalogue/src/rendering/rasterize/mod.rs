@@ -10,6 +10,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{depth, rasterize};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::{Scene, scene, scenes, size};
@@ -26,6 +27,8 @@ pub(crate) fn entry() -> Entry {
             entry.check(refusing(Check::from_cases(format!("rasterize {kind} to {what}"), cases)));
         }
     }
+    benchmark!(entry, "rasterize", |s| [s.clip], |x| rasterize(x[0], &s.mesh, s.size)?
+        .barycentrics);
     entry
 }
 

@@ -8,6 +8,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::reflect;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::materials::{ROWS, directions};
@@ -32,6 +33,7 @@ pub(crate) fn entry() -> Entry {
                 of(leaf([2, 3], 1.0), leaf([3], 1.0)),
             ),
     );
+    benchmark!(entry, "reflect", |s| [s.frames[2], s.frames[0]], |x| reflect(x[0], x[1])?);
     entry
 }
 

@@ -10,6 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::footprints::{cells, samplers, slopes, texture_inputs};
 use crate::inputs::{leaf, wide, with_one};
@@ -56,6 +57,10 @@ pub(crate) fn entry() -> Entry {
                 ),
         );
     }
+    benchmark!(entry, "sample_cube_map", |s| [s.cube[0], s.cube[1], s.cube[2]], |x| {
+        let map = CubeMap::with_mipmaps(x[0])?;
+        sample_cube_map(&map, x[1], Detail::Level(x[2]), Sampler::new())?
+    });
     entry
 }
 

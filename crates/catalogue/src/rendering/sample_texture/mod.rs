@@ -10,10 +10,22 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::footprints::{cells, samplers, slopes, texture_inputs};
 use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
+
+/// A benchmark of a filter, with mipmaps.
+macro_rules! filtered {
+    ($entry:ident, $label:literal, $filter:expr) => {
+        benchmark!($entry, $label, |s| [s.texture[0], s.texture[1], s.texture[2]], |x| {
+            let detail = Detail::Differentials { differentials: x[2], bias: None };
+            let sampler = Sampler::new().filter($filter);
+            sample_texture(&Texture::with_mipmaps(x[0])?, x[1], detail, sampler)?
+        });
+    };
+}
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("sample_texture").with_extremes(extremes::EXTREMES);
@@ -59,6 +71,17 @@ pub(crate) fn entry() -> Entry {
                 ),
         );
     }
+    benchmark!(entry, "mipmaps", |s| [s.texture[0]], |x| {
+        let texture = Texture::with_mipmaps(x[0])?;
+        texture.levels()[texture.levels().len() - 1]
+    });
+    benchmark!(entry, "sample_texture, a single level", |s| [s.texture[0], s.texture[1]], |x| {
+        sample_texture(&Texture::new(x[0])?, x[1], Detail::Finest, Sampler::new())?
+    });
+    filtered!(entry, "sample_texture, nearest", TextureFilter::Nearest);
+    filtered!(entry, "sample_texture, bilinear", TextureFilter::Bilinear);
+    filtered!(entry, "sample_texture, trilinear", TextureFilter::Trilinear);
+    filtered!(entry, "sample_texture, 4 probes", TextureFilter::Anisotropic { probes: 4 });
     entry
 }
 

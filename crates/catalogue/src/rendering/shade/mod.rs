@@ -4,11 +4,12 @@ mod extremes;
 
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Light, Surface, shade};
+use bokashi_render_ops::{Light, Material, Surface, shade};
 use glam::DVec3;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, leaves, wide, with_one};
 use crate::materials::{MODELS, Model, ROWS, directions, facing, flat, strengths};
@@ -115,6 +116,7 @@ pub(crate) fn entry() -> Entry {
                 ),
         );
     }
+    benchmarks(&mut entry);
     entry
 }
 
@@ -185,4 +187,51 @@ fn many(model: Model) -> Case {
         });
     }
     Case::new(Shade { model }, leaves(inputs))
+}
+
+/// What a light looks like on the surfaces of a setting.
+macro_rules! lit {
+    ($entry:ident, $label:literal, |$x:ident| ($material:expr, $light:expr)) => {
+        benchmark!(
+            $entry,
+            $label,
+            |s| [
+                s.frames[0],
+                s.frames[2],
+                s.material[0],
+                s.material[1],
+                s.material[2],
+                s.row,
+                s.material[3],
+            ],
+            |$x| {
+                let surface = Surface { normals: $x[0], views: $x[1], positions: Some($x[1]) };
+                shade(&surface, &$material, &[$light])?
+            }
+        );
+    };
+}
+
+fn benchmarks(entry: &mut Entry) {
+    lit!(entry, "shade, metallic-roughness", |x| (metal(x, false), directional(x)));
+    lit!(entry, "shade, energy conserved", |x| (metal(x, true), directional(x)));
+    lit!(entry, "shade, a point light", |x| (
+        metal(x, false),
+        Light::Point { position: x[5] * T::from_f64(4.0), intensity: x[6] }
+    ));
+    lit!(entry, "shade, ambient", |x| (metal(x, true), Light::Ambient { radiance: x[6] }));
+    lit!(entry, "shade, Lambert", |x| (Material::Lambert { color: x[2] }, directional(x)));
+    lit!(entry, "shade, Blinn-Phong", |x| (
+        Material::BlinnPhong { color: x[2], specular: x[6], exponent: x[3] * T::from_f64(20.0) },
+        directional(x)
+    ));
+}
+
+fn metal<'t, T: Scalar>(x: &[Var<'t, T>], conserves_energy: bool) -> Material<'t, T> {
+    let (base_color, roughness, metallic) = (x[2], x[3], x[4]);
+    Material::MetallicRoughness { base_color, roughness, metallic, conserves_energy }
+}
+
+fn directional<'t, T: Scalar>(x: &[Var<'t, T>]) -> Light<'t, T> {
+    Light::Directional { direction: x[5], irradiance: x[6] }
 }

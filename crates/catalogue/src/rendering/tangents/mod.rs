@@ -9,6 +9,7 @@ use glam::DVec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, wide};
 use crate::scenes::motley;
@@ -62,6 +63,9 @@ pub(crate) fn entry() -> Entry {
                 .refuses("tangents needs texture coordinate 1 at no vertex but 1, got 3", shared),
         );
     }
+    benchmark!(entry, "tangents", |s| [s.positions, s.normals, s.coordinates], |x| {
+        tangents(x[0], x[1], x[2], &s.mesh, &s.mesh)?
+    });
     entry
 }
 

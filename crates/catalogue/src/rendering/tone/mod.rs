@@ -10,6 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, wide};
 use crate::scenes::motley;
@@ -38,6 +39,8 @@ pub(crate) fn entry() -> Entry {
         Check::from_cases("exposure", cases)
             .refuses_midway("mul needs shapes that broadcast, got [2, 3] and [2]", wrong),
     );
+    benchmark!(entry, "srgb_encode", |s| [s.material[0]], |x| srgb_encode(x[0])?);
+    benchmark!(entry, "srgb_decode", |s| [s.material[0]], |x| srgb_decode(x[0])?);
     entry
 }
 

@@ -9,10 +9,13 @@ use bokashi_render_ops::transform_normals;
 use glam::DMat3;
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::leaf;
 use crate::scenes::motley;
 use crate::surfaces::{directions, vanishing};
+
+const TURN: [[f64; 3]; 3] = [[0.5, -0.75, 1.0], [1.5, 0.25, -0.5], [0.0, 1.0, 2.0]];
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("transform_normals").with_extremes(extremes::EXTREMES);
@@ -44,6 +47,9 @@ pub(crate) fn entry() -> Entry {
                 ),
         );
     }
+    benchmark!(entry, "transform_normals", |s| [s.positions, Tensor::from(TURN)], |x| {
+        transform_normals(x[0], x[1])?
+    });
     entry
 }
 

@@ -7,6 +7,7 @@ use bokashi_core::{Scalar, Tape, Var};
 use bokashi_render_ops::{Mesh, Weighting, vertex_normals};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, with_one};
 use crate::surfaces::{Surface, surfaces, vanishing};
@@ -38,6 +39,12 @@ pub(crate) fn entry() -> Entry {
             );
         }
     }
+    benchmark!(entry, "vertex_normals, by area", |s| [s.positions], |x| {
+        vertex_normals(x[0], &s.mesh, Weighting::Area)?
+    });
+    benchmark!(entry, "vertex_normals, by angle", |s| [s.positions], |x| {
+        vertex_normals(x[0], &s.mesh, Weighting::Angle)?
+    });
     entry
 }
 
