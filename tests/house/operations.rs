@@ -140,7 +140,7 @@ fn every_loss_has_an_entry() {
 /// any number of threads.
 #[test]
 fn every_operation_has_a_benchmark() {
-    let tensors = fs::read_to_string(crates().join("catalogue/src/tensors.rs")).unwrap();
+    let tensors = fs::read_to_string(crates().join("catalogue/src/tensors/mod.rs")).unwrap();
     let catalogue: String =
         (tensors + &entries("rendering")).split_whitespace().collect::<Vec<_>>().concat();
     let [functions, _] = rendering();

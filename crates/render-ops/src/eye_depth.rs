@@ -231,39 +231,6 @@ mod tests {
     }
 
     #[test]
-    fn through_rasterization_the_gradient_is_that_of_the_ray() {
-        let tape = Tape::<f64>::new();
-        let positions = tape.leaf(&Tensor::from(CORNERS));
-        let clip = project(positions, &camera(), None).unwrap();
-        let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
-        let upstream: Vec<_> = (0..fragments.coverage.count()).map(|k| (k as f64).sin()).collect();
-        let pixels: Vec<_> = fragments.coverage.pixels().collect();
-        let values = eye_depth(&fragments).unwrap().values();
-        let gradients = tape.vjp(&[(values, &Tensor::from(upstream.clone()))]).unwrap();
-        let found = gradients.get(positions).unwrap();
-        let value = |corners: [[f64; 3]; 3]| -> f64 {
-            let [a, b, c] = corners.map(DVec3::from);
-            let normal = (b - a).cross(c - a);
-            let along = |&pixel: &usize| {
-                let [x, y] = SIZE.center::<f64>(pixel);
-                let ndc = DVec3::new(x / SIZE.width as f64, y / SIZE.height as f64, 0.0);
-                let ray = camera().inverse().project_point3(ndc);
-                -(ray * (normal.dot(a) / normal.dot(ray))).z
-            };
-            pixels.iter().map(along).zip(&upstream).map(|(z, u)| z * u).sum()
-        };
-        for k in 0..9 {
-            let moved = |h: f64| {
-                let mut corners = CORNERS;
-                corners[k / 3][k % 3] += h;
-                value(corners)
-            };
-            let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-            approx::assert_relative_eq!(found.data()[k], quotient, epsilon = 1e-8);
-        }
-    }
-
-    #[test]
     fn what_cannot_be_is_refused_with_rule_and_value() {
         let tape = Tape::<f64>::new();
         let (whole, _) = surface(&tape);

@@ -84,18 +84,4 @@ mod tests {
             approx::assert_relative_eq!(1.0 - angle * angle * c2, cos, epsilon = 1e-13);
         }
     }
-
-    #[test]
-    fn slopes_are_difference_quotients() {
-        for s in [0.0_f64, 0.1, 3.0, 3.99, 4.01, 30.0] {
-            let h = 1e-4;
-            let at = |h: f64| stumpff(s + h);
-            let slopes = slopes(&stumpff(s));
-            for k in 0..3 {
-                let quotient = (8.0 * (at(h)[k] - at(-h)[k]) - (at(2.0 * h)[k] - at(-2.0 * h)[k]))
-                    / (12.0 * h);
-                approx::assert_relative_eq!(slopes[k], quotient, epsilon = 1e-11);
-            }
-        }
-    }
 }

