@@ -5,19 +5,16 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 
 use allocation_counter::measure;
+use bokashi_catalogue::ENTRIES;
+use bokashi_catalogue::setting::Setting;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
-use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
+use bokashi_core::{SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Light, Material, Mesh,
-    PixelLoss, Pose, RasterOptions, RenderError, Sampler, Sampling, Size, Surface, Texture,
-    TextureFilter, Weighting, affine_inverse, distort, downsample, eye_depth, face_normals,
-    fisheye, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole, project,
-    project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
-    tangents, transform_normals, transform_points, vertex_normals,
+    Background, Blur, Coverage, Kernel, Mesh, PixelLoss, Pose, RasterOptions, Sampling, Size,
+    gaussian_blur, interpolate, project, rasterize,
 };
-use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
@@ -26,10 +23,7 @@ struct Leaves {
     points: Tensor<f32>,
     weights: Tensor<f32>,
     image: Tensor<f32>,
-    row: Tensor<f32>,
     rows: Arc<[u32]>,
-    /// An index per pixel, below 7.
-    groups: Arc<[u32]>,
     matrix: SparseMatrix<f32>,
 }
 
@@ -39,9 +33,7 @@ impl Leaves {
             points: Tensor::from_flat_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
             weights: Tensor::from_flat_fn([4, 3], |k| 0.3 - 0.1 * k as f32),
             image: Tensor::from_flat_fn([pixels, 3], |k| (k % 7) as f32 * 0.1),
-            row: Tensor::from([0.3, -0.2, 0.7]),
             rows: Arc::from([0, 8, 3, 3, 1]),
-            groups: (0..pixels).map(|k| (k * k % 7) as u32).collect(),
             matrix: SparseMatrix::new(
                 pixels,
                 pixels,
@@ -52,7 +44,7 @@ impl Leaves {
     }
 }
 
-/// Records every kind of operation, reads gradients of two passes at once, and ends the step.
+/// Records operations of many kinds, reads gradients of two passes at once, and ends the step.
 fn step(tape: &mut Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let sum = record(tape, parameters)?;
     tape.reset();
@@ -74,15 +66,8 @@ fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let rough = image.abs().minimum(image.cos())?.maximum(image.sin())?.clamp(-0.5, 0.5)?;
     let colour = (smooth / (rough.square() + 1.0) - 2.0 * rough.powi(3)) * offset * scale;
 
-    let (row, bound) = (tape.leaf(&parameters.row), tape.constant_scalar(0.3));
-    let chosen = image.is_less(bound)?.select(image, bound)?.relu();
-    let lengths = image.norm()? + image.dot(row)? + image.dot(chosen)?;
-    let unit = (image + 0.1).normalize()?.cross(row)? * (row.square() + 1.0).pow(row)?;
-    let sums = unit.scatter_add_rows(&parameters.groups, 7)?.powf(3.0);
-    let other = parameters.matrix.product(Var::stack(&[lengths, lengths], 1)?)?;
-    let planes = image.transpose()?;
-    let other = other.pad(0, [2, 3], Padding::Mirror)?.keepdim(0)?.mean()?;
-    let vectors = other + planes.norm()?.sum() + planes.normalize()?.sum() + sums.mean()?;
+    let chosen = image.is_less(scale)?.select(image, scale)?;
+    let vectors = parameters.matrix.product(chosen)?.mean()?;
 
     let first = shapes.mean()? + joined.sum() - shapes.detach().sum();
     let second =
@@ -158,7 +143,7 @@ impl Scene {
     }
 }
 
-/// Every kind of operation on constants, and the identities among them: values, but no nodes.
+/// Operations on constants, and the identities among them: values, but no nodes.
 fn infer(tape: &mut Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let item = {
         let image = tape.constant(&parameters.image);
@@ -193,92 +178,57 @@ fn assert_steady_from_step_3(mut step: impl FnMut() -> f32 + Send) {
     });
 }
 
-/// A step of every tensor operation on `pixels` pixels.
+/// A step of tensor operations on `pixels` pixels.
 fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
     let (mut tape, parameters) = (Tape::new(), Leaves::new(pixels));
     move || step(&mut tape, &parameters).unwrap()
 }
 
-/// A step of every rendering operation on an image of `side` x `side` pixels.
+/// A step from vertices to a loss on an image of `side` x `side` pixels.
 fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
     let (mut tape, scene) = (Tape::new(), Scene::new(side, Sampling::Center));
     move || scene.step(&mut tape).unwrap()
 }
 
-/// Two cubes before a learnt camera, through a lens, by their distances, with every gradient of `leaves`:
-/// positions, intrinsics, an increment, a rotation, a translation and a lens.
-fn camera_step(
-    tape: &Tape<f32>,
-    scene: &Assembly,
-    leaves: &[Tensor<f32>; 6],
-) -> Result<f32, RenderError> {
-    let leaves = leaves.each_ref().map(|leaf| tape.leaf_copied(leaf));
-    let [positions, intrinsics, increment, rotation, translation, lens] = leaves;
-    let view = affine_inverse(affine_inverse(rigid(rotation, translation)?)?)?;
-    let view = se3(increment, &DMat4::IDENTITY)?.matmul(view)?;
-    let bent = distort(transform_points(positions, view)?, lens)?;
-    let bent = fisheye(bent, lens.slice(0, 0..4)?)?;
-    let camera = pinhole(intrinsics, Size::square(32), 0.1, 10.0)?;
-    let beside = project_instances(positions, view.reshape([1, 4, 4])?, camera)?;
-    let clip = Var::concat(&[project(bent, camera, None)?, beside], 0)?;
-    let fragments = rasterize(clip, scene.mesh(), Size::square(32))?;
-    let distances = eye_depth(&fragments)?.image(&fragments, 20.0)?.distances();
-    let gradients = distances.square().sum().backward()?;
-    let of = leaves.map(|leaf| gradients.get(leaf).expect("each is used").data()[0]);
-    Ok(of.into_iter().sum())
-}
+/// Operations that return lists, of levels or of layers.
+const LISTS: [&str; 4] = ["mipmaps", "sample_texture", "sample_cube_map", "composite_layers"];
+
+/// What makes something in each step: a matrix, a reference image, tapes of parts. The first two have steps of
+/// their own below.
+const MAKING: [&str; 3] = ["sparse_product", "squared_error, a picture", "sum_over"];
 
 #[test]
-fn steady_steps_with_learnt_cameras_allocate_nothing() {
-    let scene = Assembly::new(&[(&Mesh::new(FACES.to_vec(), 8).unwrap(), 2)]).unwrap();
-    let leaves = [
-        Tensor::from_flat_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
-        Tensor::from([30.0, 30.0, 15.5, 15.5]),
-        Tensor::from([0.1, 0.0, 0.0, 0.0, 0.2, 0.0]),
-        Tensor::from([0.1, 0.3, 0.2, 0.9]),
-        Tensor::from([0.0, 0.0, 4.0]),
-        Tensor::from([-0.1, 0.01, 0.001, 0.0, 0.0]),
-    ];
-    let mut tape = Tape::new();
-    assert_steady_from_step_3(move || {
-        let sum = camera_step(&tape, &scene, &leaves).unwrap();
-        tape.reset();
-        sum
-    });
-}
-
-/// A texture with mipmaps, looked up twice, with every gradient.
-fn texture_step(tape: &Tape<f32>, leaves: &[Tensor<f32>; 3]) -> Result<f32, RenderError> {
-    let leaves = leaves.each_ref().map(|leaf| tape.leaf(leaf));
-    let [texels, coordinates, differentials] = leaves;
-    let texture = Texture::with_mipmaps(texels)?;
-    let detail = Detail::Differentials { differentials, bias: None };
-    let probes = TextureFilter::Anisotropic { probes: 4 };
-    let [first, second] = [Sampler::new(), Sampler::new().filter(probes)];
-    let first = sample_texture(&texture, coordinates, detail, first)?;
-    let second = sample_texture(&texture, coordinates, detail, second)?;
-    let gradients = (first * second).sum().backward()?;
-    Ok(leaves.map(|leaf| gradients.get(leaf).expect("each is used").data()[0]).into_iter().sum())
-}
-
-#[test]
-fn a_steady_step_with_textures_allocates_the_lists_of_their_levels_alone() {
-    for [side, samples] in [[8, 10], [64, 20_000]] {
-        let leaves = [
-            Tensor::from_flat_fn([side, side, 3], |k| (k % 7) as f32 * 0.1),
-            Tensor::from_flat_fn([samples, 2], |k| (k % 101) as f32 / 101.0),
-            Tensor::from_flat_fn([samples, 2, 2], |k| (k % 11) as f32 / (3 * side) as f32),
-        ];
-        let mut tape = Tape::new();
-        let mut step = move || {
-            texture_step(&tape, &leaves).unwrap();
-            tape.reset();
-        };
-        ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
-            (0..3).for_each(|_| step());
-            let bytes = measure(&mut step).bytes_total;
-            assert!(bytes < 500, "{bytes} bytes with {samples} samples");
-        });
+fn a_steady_step_of_every_operation_allocates_nothing() {
+    let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    // One piece of work and several.
+    for (around, along, pixels) in [(12, 7, 32), (90, 60, 160)] {
+        let setting = Arc::new(Setting::of_sphere(around, along, pixels).unwrap());
+        let benchmarks = ENTRIES.iter().flat_map(|entry| entry().benchmarks().to_vec());
+        for benchmark in benchmarks.filter(|benchmark| !MAKING.contains(&benchmark.label())) {
+            let case = benchmark.case(&setting);
+            let inputs: Vec<Tensor<f32>> =
+                case.inputs().iter().map(|input| input.tensor.cast()).collect();
+            let (mut tape, mut upstream) = (Tape::new(), None);
+            let mut step = || {
+                {
+                    let leaf = |k: usize| tape.leaf(&inputs[k.min(inputs.len() - 1)]);
+                    let leaves: [_; 7] = std::array::from_fn(leaf);
+                    let output = case.record(&tape, &leaves[..inputs.len()]).unwrap();
+                    let ones = || Tensor::full(output.shape(), 1.0);
+                    let upstream = upstream.get_or_insert_with(ones);
+                    drop(tape.vjp(&[(output, upstream)]).unwrap());
+                }
+                tape.reset();
+            };
+            let counted = alone.install(|| {
+                (0..4).for_each(|_| step());
+                measure(&mut step)
+            });
+            let (label, is_list) = (benchmark.label(), LISTS.contains(&benchmark.name()));
+            // The list of outputs that a subject gives is the only one.
+            let is_steady = counted.count_total == 1 || is_list && counted.bytes_total < 500;
+            assert!(is_steady, "{label}: {counted:?}");
+        }
     }
 }
 
@@ -440,65 +390,6 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
                 let gradients = loss.backward().unwrap();
                 let of = [image, sigma].map(|leaf| gradients.get(leaf).unwrap().data()[0]);
                 loss.item() + of[0] + of[1]
-            };
-            tape.reset();
-            sum
-        });
-    }
-}
-
-#[test]
-fn a_steady_step_on_surfaces_allocates_nothing() {
-    // One piece of work and several.
-    for (side, filter) in [(3, Filter::Box), (60, Filter::Lanczos(3))] {
-        let count = (side + 1) * (side + 1);
-        let place = |k: usize| [k % (side + 1), k / (side + 1)].map(|at| at as f32 / side as f32);
-        let positions = Tensor::from_flat_fn([count, 3], |k| {
-            let [x, y] = place(k / 3);
-            [x, y, x.sin() * y][k % 3]
-        });
-        let coordinates = Tensor::from_flat_fn([count, 2], |k| place(k / 2)[k % 2]);
-        let corners = (0..side * side).map(|k| k / side * (side + 1) + k % side);
-        let faces = corners.flat_map(|k| {
-            let [a, b, c, d] = [k, k + 1, k + side + 2, k + side + 1].map(|k| k as u32);
-            [[a, b, c], [a, c, d]]
-        });
-        let mesh = Mesh::new(faces.collect(), count).unwrap();
-        let image = Tensor::from_flat_fn([60, 300, 3], |k| (k % 101) as f32);
-        let mut tape = Tape::new();
-        assert_steady_from_step_3(|| {
-            let sum = {
-                let leaves = [&positions, &coordinates, &image].map(|of| tape.leaf_copied(of));
-                let [positions, coordinates, image] = leaves;
-                let matrix = tape.constant_full([3, 3], 0.5) + positions.slice(0, 0..3).unwrap();
-                let flat = face_normals(positions, &mesh).unwrap();
-                let normals = vertex_normals(positions, &mesh, Weighting::Angle).unwrap()
-                    + vertex_normals(positions, &mesh, Weighting::Area).unwrap();
-                let turned = transform_normals(normals, matrix).unwrap();
-                let frames = tangents(positions, normals, coordinates, &mesh, &mesh).unwrap();
-                let bent = perturbed_normals(normals, frames, turned).unwrap();
-                let small = downsample(image, 4, &filter, Border::Mirror).unwrap();
-                let five = tape.constant_full([3], 5.0);
-                let surface = Surface { normals, views: five, positions: Some(positions) };
-                let material = Material::MetallicRoughness {
-                    base_color: positions,
-                    roughness: tape.constant_scalar(0.5),
-                    metallic: tape.constant_scalar(0.25),
-                    conserves_energy: true,
-                };
-                let lights = [
-                    Light::Directional { direction: five, irradiance: five },
-                    Light::Point { position: five, intensity: five },
-                    Light::Ambient { radiance: five },
-                ];
-                let lit = srgb_encode(shade(&surface, &material, &lights).unwrap()).unwrap();
-                let sky = irradiance(positions.slice(0, 0..9).unwrap(), normals).unwrap();
-                let mirrored = reflect(positions, normals).unwrap();
-                let loss = flat.sum() + bent.sum() + turned.sum() + small.square().sum();
-                let loss = loss + lit.sum() + sky.sum() + mirrored.square().sum();
-                let gradients = loss.backward().unwrap();
-                let of = leaves.map(|leaf| gradients.get(leaf).unwrap().data()[0]);
-                loss.item() + of[0] + of[1] + of[2]
             };
             tape.reset();
             sum
