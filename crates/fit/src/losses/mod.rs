@@ -3,6 +3,7 @@
 //! | file | losses |
 //! |---|---|
 //! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, by weights or a mask too |
+//! | `entrywise` | functions of one number, entry by entry |
 //! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
 //! | `silhouette` | intersection over union of soft masks |
 //! | `depth` | absolute errors of depths, up to scale and shift |
@@ -10,6 +11,7 @@
 //! | `metrics` | PSNR, SSIM and intersection over union of tensors and masks |
 
 mod depth;
+mod entrywise;
 mod halved;
 mod metrics;
 mod multiscale_ssim;
@@ -22,7 +24,6 @@ pub use self::depth::{DepthAlignment, depth_error};
 pub use self::halved::halved;
 pub use self::metrics::{iou, psnr, ssim};
 pub use self::multiscale_ssim::multiscale_ssim_error;
-pub(crate) use self::penalty::{Absolute, Charbonnier, Huber, Rule, Squared, positive};
 pub use self::penalty::{Penalty, masked_error, mean_error, weighted_error};
 pub use self::pyramid::pyramid_error;
 pub use self::silhouette::silhouette_error;
