@@ -8,7 +8,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use bokashi_core::{
-    Accumulators, Dual, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, Tensor, TensorError, Var,
+    Accumulators, Dual, Inputs, Kept, Op, Outputs, Scalar, Tape, Tensor, TensorError, Var,
 };
 
 use crate::subject::{AnySubject, Applied, Case};
@@ -77,10 +77,6 @@ impl<T: Scalar> Op<T> for WrongIdentity {
     ) -> Result<(), TensorError> {
         outputs.push_renamed(inputs.shape(0), 0);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, (): &mut (), gradients: &mut Accumulators<'_, T>) {

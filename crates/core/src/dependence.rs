@@ -137,7 +137,7 @@ impl<T: Scalar> Tape<T> {
 mod tests {
     use super::*;
     use crate::gradient::Accumulators;
-    use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+    use crate::op::{Inputs, Kept, Op, Outputs};
     use crate::tensor::Tensor;
 
     /// `image`, whatever `rim` is, as an operation gives it where nothing is to be done.
@@ -158,9 +158,6 @@ mod tests {
         ) -> Result<(), TensorError> {
             outputs.pass(0, "there is no rim");
             Ok(())
-        }
-        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
-            Keep::NOTHING
         }
         fn backward(&self, _: &Kept<'_, f64>, _saved: &mut (), _: &mut Accumulators<'_, f64>) {}
     }

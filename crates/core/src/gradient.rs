@@ -468,10 +468,6 @@ mod tests {
             Ok(())
         }
 
-        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
-            Keep::NOTHING
-        }
-
         fn backward(
             &self,
             _kept: &Kept<'_, f64>,

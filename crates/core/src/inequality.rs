@@ -3,7 +3,7 @@
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::mask::Mask;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::parallel::for_each_zipped_mut;
 use crate::scalar::Scalar;
 use crate::var::Var;
@@ -45,10 +45,6 @@ impl<T: Scalar, F: Fn(T, T) -> bool + Copy + Send + Sync + 'static> Op<T> for Co
             walk.zip_mut(truth, [x, y], holds);
         }
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, _: &Kept<'_, T>, _: &mut Mask, _: &mut Accumulators<'_, T>) {}

@@ -41,9 +41,11 @@ pub trait Op<T: Scalar>: Send + 'static {
         saved: &mut Self::Saved,
     ) -> Result<(), Self::Error>;
 
-    /// Which inputs and outputs `backward` reads; it can read no others. Asked after `forward`,
-    /// and only where some input needs a gradient.
-    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep;
+    /// Which inputs and outputs `backward` reads; it can read no others. None, unless an operation says so.
+    /// Asked after `forward`, and only where some input needs a gradient.
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
 
     /// Adds `J^T upstream` into the gradients of the inputs that need one.
     ///
@@ -77,6 +79,12 @@ impl Keep {
     #[must_use]
     pub const fn input(self, i: usize) -> Self {
         Self { inputs: self.inputs | 1 << i, ..self }
+    }
+
+    /// The value of input `i`, one of the first 64, where `is_read`.
+    #[must_use]
+    pub const fn input_if(self, i: usize, is_read: bool) -> Self {
+        if is_read { self.input(i) } else { self }
     }
 
     /// The value of output `j`, one of the first 64.

@@ -53,11 +53,24 @@ fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> V
     (0..pieces).into_par_iter().with_max_len(PIECES_PER_TASK).map(work).collect()
 }
 
+/// Writes `value(k)` to the k-th item, for every k; pieces of `piece` items may be worked on at the same time.
+#[inline]
+pub fn write_each<T: Send>(
+    items: &mut [T],
+    piece: usize,
+    value: impl Fn(usize) -> T + Send + Sync,
+) {
+    for_each_piece_mut(items, piece, |k, items| {
+        (k * piece..).zip(items).for_each(|(k, item)| *item = value(k));
+    });
+}
+
 /// Calls `work(k, piece of a, piece of b)` for the k-th piece of `pieces[0]` entries of `a` and of
-/// `pieces[1]` entries of `b`, for every k; pieces may run at the same time.
+/// `pieces[1]` entries of `b`, for every k; pieces may run at the same time. Where `b` is empty, so are its
+/// pieces.
 ///
 /// # Panics
-/// Unless both are cut into equally many pieces.
+/// Unless both are cut into equally many pieces, or `b` is empty.
 pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     a: &mut [A],
     b: &mut [B],
@@ -65,6 +78,9 @@ pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     work: impl Fn(usize, &mut [A], &mut [B]) + Send + Sync,
 ) {
     let [of_a, of_b] = pieces;
+    if b.is_empty() {
+        return for_each_piece_mut(a, of_a, |k, a| work(k, a, &mut []));
+    }
     let count = a.len().div_ceil(of_a);
     assert_eq!(count, b.len().div_ceil(of_b), "both are cut into equally many pieces");
     #[cfg(feature = "parallel")]
@@ -201,6 +217,8 @@ mod tests {
                 piece.iter_mut().enumerate().for_each(|(i, entry)| *entry += 10 * k + i);
             });
             assert_eq!(data, (0..length).collect::<Vec<_>>());
+            write_each(&mut data, 10, |k| 3 * k);
+            assert!(data.iter().enumerate().all(|(k, &item)| item == 3 * k));
         }
     }
 

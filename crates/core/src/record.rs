@@ -308,10 +308,6 @@ mod tests {
             Ok(())
         }
 
-        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
-            Keep::NOTHING
-        }
-
         fn backward(
             &self,
             kept: &Kept<'_, f64>,

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::parallel::{alone, for_each_zipped_mut, join, threads};
 use crate::report::TapeReport;
 use crate::scalar::Scalar;
@@ -197,10 +197,6 @@ impl<T: Scalar> Op<T> for SumOver<T> {
     ) -> Result<(), TensorError> {
         outputs.push([])[0] = self.value;
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -21,7 +21,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Tensor, TensorError, Var,
+    Accumulators, Inputs, Kept, Op, Outputs, Scalar, Shape, Tensor, TensorError, Var,
 };
 
 use crate::topology::Topology;
@@ -414,10 +414,6 @@ impl<T: Scalar> Op<T> for Preconditioner {
         let v = outputs.push(shape);
         self.0.factor.solve_rows(inputs.data(0), inner, memory, |k, x| v[k] = x);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

@@ -145,8 +145,8 @@ impl<T: Scalar> Op<T> for MixPieces {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = Keep::NOTHING.input(1);
-        if inputs.needs(1) { keep.input(0).input(2) } else { keep }
+        let needs = inputs.needs(1);
+        Keep::NOTHING.input(1).input_if(0, needs).input_if(2, needs)
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

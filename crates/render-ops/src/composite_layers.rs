@@ -202,7 +202,7 @@ impl<T: Scalar> Op<T> for CompositeLayers {
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
         let needs_alpha = (0..self.coverages.len()).any(|k| inputs.needs(2 + 2 * k));
-        if needs_alpha { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+        Keep::NOTHING.input_if(0, needs_alpha)
     }
 
     fn backward(

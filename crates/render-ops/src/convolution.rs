@@ -24,7 +24,7 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
+use bokashi_core::parallel::for_each_two_pieces_mut;
 
 use crate::border::Border;
 use crate::copy::copy;
@@ -117,9 +117,6 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             let first = first + band * rows;
             bench.with(|memory| self.rows(image, from, first, memory, out, slope));
         };
-        if slope.is_empty() {
-            return for_each_piece_mut(out, piece, |band, out| work(band, out, &mut []));
-        }
         for_each_two_pieces_mut(out, slope, [piece; 2], work);
     }
 

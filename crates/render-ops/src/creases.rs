@@ -16,7 +16,7 @@
 //! A pixel that is not resolved shows its centre. An edge through the centre, at which the slope jumps by
 //! B per pixel, puts it up to B / 8 off its mean; an edge at which the value jumps by J, up to J / 2.
 
-use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::parallel::write_each;
 use bokashi_core::{Scalar, Tensor, Var};
 
 use crate::error::RenderError;
@@ -95,11 +95,7 @@ fn marked<T: Scalar>(
         most_jump: 2.0 * tolerance * range,
     };
     let mut seams = vec![0_u8; expected];
-    for_each_piece_mut(&mut seams, FACES_PER_PIECE, |piece, seams| {
-        for (face, seams) in (piece * FACES_PER_PIECE..).zip(seams) {
-            *seams = surface.creases_of(face);
-        }
-    });
+    write_each(&mut seams, FACES_PER_PIECE, |face| surface.creases_of(face));
     let mut has_creases = false;
     for face in 0..expected {
         let bits = seams[face];

@@ -128,8 +128,7 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = Keep::NOTHING.input(0);
-        if inputs.len() == 2 { keep.input(1) } else { keep }
+        Keep::NOTHING.input(0).input_if(1, inputs.len() == 2)
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -18,6 +18,7 @@
 use std::ops::Range;
 
 use bokashi_core::{Accumulator, Scalar};
+use smallvec::{SmallVec, smallvec};
 
 use crate::mesh::Mesh;
 use crate::runs::Runs;
@@ -32,19 +33,9 @@ pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
     }
 }
 
-/// [`add_term`] for several terms, which are rarely beyond the range.
-#[inline(always)]
-fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T; N]) {
-    if terms.iter().all(|term| term.is_finite()) {
-        entries.into_iter().zip(terms).for_each(|(entry, &term)| *entry += term);
-    } else {
-        entries.into_iter().zip(terms).for_each(|(entry, &term)| add_term(entry, term));
-    }
-}
-
 /// Whether all numbers are finite, without a branch for each.
 #[inline(always)]
-fn are_finite<S: Scalar, const N: usize>(numbers: &[S; N]) -> bool {
+fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
     numbers.iter().fold(true, |all, number| all & number.is_finite())
 }
 
@@ -132,6 +123,11 @@ pub(crate) struct Layout<'a> {
     pub(crate) width: usize,
 }
 
+/// Memory for numbers of a face's three vertices.
+trait RowMemory<S>: AsMut<[S]> + Clone + Send + Sync {}
+
+impl<S, M: AsMut<[S]> + Clone + Send + Sync> RowMemory<S> for M {}
+
 impl Layout<'_> {
     /// Adds the gradients of the vertices to `gradient: [V, width]`.
     pub(crate) fn add_to<T: Scalar>(
@@ -153,27 +149,47 @@ impl Layout<'_> {
         entries: &mut [T],
         beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
+        // Arrays have a length that the compiler knows; attributes of up to eight channels need no allocation.
+        let length = 3 * self.width;
         match self.width {
-            3 => self.add_rows::<T, 9>(gradient, by_face, entries, beside),
-            4 => self.add_rows::<T, 12>(gradient, by_face, entries, beside),
-            _ => self.add_any_rows(gradient, by_face, entries, beside),
+            3 => self.add_rows(
+                gradient,
+                by_face,
+                entries,
+                beside,
+                ([T::Wide::ZERO; 9], [T::ZERO; 9]),
+            ),
+            4 => self.add_rows(
+                gradient,
+                by_face,
+                entries,
+                beside,
+                ([T::Wide::ZERO; 12], [T::ZERO; 12]),
+            ),
+            _ => {
+                let wide: SmallVec<[T::Wide; 24]> = smallvec![T::Wide::ZERO; length];
+                let narrow: SmallVec<[T; 24]> = smallvec![T::ZERO; length];
+                self.add_rows(gradient, by_face, entries, beside, (wide, narrow));
+            }
         }
     }
 
-    /// [`Layout::add_to_beside`] where a face's three rows are `N` numbers.
-    fn add_rows<T: Scalar, const N: usize>(
+    /// [`Layout::add_to_beside`] with memory for a face's three rows, in wide numbers and in narrow ones.
+    fn add_rows<T: Scalar, W: RowMemory<T::Wide>, N: RowMemory<T>>(
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
         entries: &mut [T],
         beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
+        memory: (W, N),
     ) {
         let vertices = gradient.entries();
         let faces = self.mesh.faces();
-        let mut add = |face: usize, rows: &[T; N]| {
+        let mut add = |face: usize, rows: &[T]| {
             let are_finite = are_finite(rows);
-            for (&vertex, row) in faces[face].iter().zip(rows.chunks_exact(N / 3)) {
-                let entries = &mut vertices[vertex as usize * (N / 3)..][..N / 3];
+            let width = rows.len() / 3;
+            for (&vertex, row) in faces[face].iter().zip(rows.chunks_exact(width)) {
+                let entries = &mut vertices[vertex as usize * width..][..width];
                 let pairs = entries.iter_mut().zip(row);
                 if are_finite {
                     pairs.for_each(|(entry, &term)| *entry += term);
@@ -182,93 +198,22 @@ impl Layout<'_> {
                 }
             }
         };
-        let width = entries.len().checked_div(self.runs.count).unwrap_or(0);
         if !self.runs.is_shared() {
             let slots = 0..self.runs.slots.len();
-            return self.walk_rows(slots, by_face, width, entries, &beside, &mut add);
+            return self.walk(slots, by_face, entries, &beside, memory, &mut add);
         }
         let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
-            let mut all_rows = Vec::with_capacity(slots.len());
-            self.walk_rows(slots, by_face, width, own, &beside, &mut |_, rows: &[T; N]| {
-                all_rows.push(*rows);
-            });
-            all_rows
-        };
-        let mut slots = self.runs.slots.iter();
-        self.runs.merge_bands_mut(width, entries, work, |all_rows| {
-            for (rows, slot) in all_rows.iter().zip(&mut slots) {
-                add(slot.face as usize, rows);
-            }
-        });
-    }
-
-    /// [`Layout::walk`] where a face's three rows are `N` numbers.
-    fn walk_rows<T: Scalar, const N: usize>(
-        &self,
-        slots: Range<usize>,
-        by_face: &impl FaceSums<T::Wide>,
-        width: usize,
-        entries: &mut [T],
-        beside: &impl Fn(usize, Range<usize>, &mut [T]),
-        emit: &mut impl FnMut(usize, &[T; N]),
-    ) {
-        let runs = self.runs;
-        crate::dispatch::dispatch::<T, _>(
-            #[inline(always)]
-            || {
-                let mut rest = entries;
-                for slot in slots {
-                    let mut rows = [T::Wide::ZERO; N];
-                    let fragments = runs.fragments_of(slot..slot + 1);
-                    let own = first_of(&mut rest, width * fragments.len());
-                    beside(slot, fragments.clone(), own);
-                    by_face.sum(slot, fragments.clone(), &mut rows);
-                    if !are_finite(&rows) {
-                        add_one_by_one(slot, fragments, by_face, &mut rows);
-                    }
-                    emit(runs.face(slot), &rows.map(T::narrow));
-                }
-            },
-        );
-    }
-
-    fn add_any_rows<T: Scalar>(
-        &self,
-        gradient: &mut Accumulator<T>,
-        by_face: &impl FaceSums<T::Wide>,
-        entries: &mut [T],
-        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
-    ) {
-        let vertices = gradient.entries();
-        let width = self.width;
-        let mut add = |face: usize, rows: &[T]| {
-            for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
-                let entries = &mut vertices[vertex as usize * width..][..width];
-                // The usual widths, without a loop.
-                match (entries, row) {
-                    ([a, b, c], [x, y, z]) => add_terms([a, b, c], [x, y, z]),
-                    ([a, b, c, d], [x, y, z, w]) => add_terms([a, b, c, d], [x, y, z, w]),
-                    (entries, row) => {
-                        entries.iter_mut().zip(row).for_each(|(e, term)| add_terms([e], [term]));
-                    }
-                }
-            }
-        };
-        let own_width = entries.len().checked_div(self.runs.count).unwrap_or(0);
-        if !self.runs.is_shared() {
-            let slots = 0..self.runs.slots.len();
-            return self.walk(slots, by_face, own_width, entries, &beside, &mut add);
-        }
-        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
-            let mut all_rows = Vec::with_capacity(slots.len() * 3 * width);
-            self.walk(slots, by_face, own_width, own, &beside, &mut |_, rows: &[T]| {
+            let mut all_rows = Vec::with_capacity(slots.len() * 3 * self.width);
+            let memory = memory.clone();
+            self.walk(slots, by_face, own, &beside, memory, &mut |_, rows: &[T]| {
                 all_rows.extend_from_slice(rows);
             });
             all_rows
         };
+        let (own_width, length) = (per(self.runs.count, entries), 3 * self.width);
         let mut slots = self.runs.slots.iter();
         self.runs.merge_bands_mut(own_width, entries, work, |all_rows| {
-            for (rows, slot) in all_rows.chunks_exact(3 * width).zip(&mut slots) {
+            for (rows, slot) in all_rows.chunks_exact(length).zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
         });
@@ -279,33 +224,25 @@ impl Layout<'_> {
         &self,
         slots: Range<usize>,
         by_face: &impl FaceSums<T::Wide>,
-        own_width: usize,
         entries: &mut [T],
         beside: &impl Fn(usize, Range<usize>, &mut [T]),
+        memory: (impl RowMemory<T::Wide>, impl RowMemory<T>),
         emit: &mut impl FnMut(usize, &[T]),
     ) {
         let runs = self.runs;
-        // Attributes of up to eight channels need no allocation.
-        let (mut few, mut few_narrow) = ([T::Wide::ZERO; 24], [T::ZERO; 24]);
-        let (mut many, mut many_narrow) = (Vec::new(), Vec::new());
-        let length = 3 * self.width;
-        let (rows, narrow) = if length <= few.len() {
-            (&mut few[..length], &mut few_narrow[..length])
-        } else {
-            many.resize(length, T::Wide::ZERO);
-            many_narrow.resize(length, T::ZERO);
-            (many.as_mut_slice(), many_narrow.as_mut_slice())
-        };
+        let own_width = per(runs.fragments_of(slots.clone()).len(), entries);
+        let (mut wide, mut narrow) = memory;
         crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
+                let (rows, narrow) = (wide.as_mut(), narrow.as_mut());
                 let mut rest = entries;
                 for slot in slots {
                     let fragments = runs.fragments_of(slot..slot + 1);
                     let own = first_of(&mut rest, own_width * fragments.len());
                     beside(slot, fragments.clone(), own);
                     by_face.sum(slot, fragments.clone(), rows);
-                    if !rows.iter().all(|row| row.is_finite()) {
+                    if !are_finite(rows) {
                         add_one_by_one(slot, fragments, by_face, rows);
                     }
                     narrow.iter_mut().zip(&*rows).for_each(|(to, &row)| *to = T::narrow(row));
@@ -314,6 +251,11 @@ impl Layout<'_> {
             },
         );
     }
+}
+
+/// How many of `entries` each of `count` fragments has.
+fn per<T>(count: usize, entries: &[T]) -> usize {
+    entries.len().checked_div(count).unwrap_or(0)
 }
 
 /// The first `count` entries of `rest`, which is left with the others.
@@ -369,7 +311,8 @@ mod tests {
         let coverage = rasterize(clip, &mesh, Size { width: 3, height: 5 }).unwrap().coverage;
         let layout = Layout { runs: &coverage.centers, mesh: &mesh, width: 2 };
         let mut found = Vec::new();
-        layout.walk(0..1, &Largest, 0, &mut [], &|_, _, _| (), &mut |face, rows: &[f64]| {
+        let memory = ([0.0; 6], [0.0; 6]);
+        layout.walk(0..1, &Largest, &mut [], &|_, _, _| (), memory, &mut |face, rows: &[f64]| {
             found.push((face, rows.to_vec()));
         });
         // Fifteen terms, in turns.

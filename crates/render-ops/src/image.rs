@@ -10,7 +10,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Var};
 
 use crate::background::Kind;
 use crate::coverage::Coverage;
@@ -76,10 +76,6 @@ impl<T: Scalar> Op<T> for Image {
             image[pixel as usize * channels..][..channels].copy_from_slice(value);
         }
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

@@ -102,14 +102,7 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let mut keep = Keep::NOTHING;
-        if inputs.needs(0) {
-            keep = keep.input(1);
-        }
-        if inputs.needs(1) {
-            keep = keep.input(0);
-        }
-        keep
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

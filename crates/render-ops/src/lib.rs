@@ -90,12 +90,12 @@ mod losses;
 mod matrix;
 mod mesh;
 mod mipmaps;
-mod moments;
 mod over;
 mod perturbed_normals;
 mod picture;
 mod picture_rows;
 mod pixel_loss;
+mod point_map;
 // Unit tests compile what they call.
 #[cfg(all(feature = "precompiled", not(test)))]
 #[doc(hidden)]
@@ -109,6 +109,7 @@ mod reference_rows;
 mod reflect;
 mod render;
 mod rotation;
+mod row_map;
 mod rows;
 mod runs;
 mod scratch;

@@ -30,6 +30,11 @@ pub(crate) fn product_transposed<S: Scalar>(a: &Matrix4<S>, b: &Matrix4<S>) -> M
     entry_by_entry(|row, column| dot(a[row], b[column]))
 }
 
+/// Adds `B` to `A`.
+pub(crate) fn add<S: Scalar>(a: &mut Matrix4<S>, b: &Matrix4<S>) {
+    a.iter_mut().flatten().zip(b.iter().flatten()).for_each(|(a, &b)| *a += b);
+}
+
 fn entry_by_entry<S: Scalar>(entry: impl Fn(usize, usize) -> S) -> Matrix4<S> {
     std::array::from_fn(|row| std::array::from_fn(|column| entry(row, column)))
 }

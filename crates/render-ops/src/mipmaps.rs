@@ -16,7 +16,7 @@
 //! the parts that a box covers: there a linear texture bends.
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Var};
 
 use crate::error::RenderError;
 
@@ -86,10 +86,6 @@ impl<T: Scalar> Op<T> for Halve {
             _ => halve::<T, 1>(fine, [height, width, channels], coarse),
         }
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -72,8 +72,7 @@ impl<T: Scalar> Op<T> for Over {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = if inputs.needs(0) { Keep::NOTHING.input(1) } else { Keep::NOTHING };
-        if inputs.needs(1) { keep.input(0) } else { keep }
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

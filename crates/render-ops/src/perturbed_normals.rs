@@ -19,17 +19,14 @@
 //! Blinn, *Simulation of wrinkled surfaces*, SIGGRAPH 1978; the conventions are those of glTF 2.0,
 //! section 3.9.3.
 
-use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use crate::error::RenderError;
+use crate::row_map::{add_rows, map_rows};
 use crate::vector::{
     Direction, ROUNDING, Vector3, across, cross, difference, dot, largest, power_of_two_to_1,
     scaled, sum,
 };
-
-/// Normals in one piece of work.
-const ROWS_PER_PIECE: usize = 1 << 11;
 
 /// The unit vectors that `values: [N, 3]` of a normal map stand for on a surface with `normals: [N, 3]`
 /// and `tangents: [N, 4]`: `x t + y b + z n`, normalized, in the orthonormal frame of tangent, bitangent
@@ -147,8 +144,8 @@ impl<S: Scalar<Wide = S>> Frame<S> {
 }
 
 impl<T: Scalar> Op<T> for PerturbedNormals {
-    /// Memory: the gradients of each row's inputs.
-    type Saved = Vec<Bars<T>>;
+    /// Memory: the gradients of each row's inputs, nine numbers.
+    type Saved = Vec<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -180,14 +177,7 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
             }
         }
         let rows = rows([0, 1, 2].map(|i| inputs.data(i)));
-        let out = outputs.push(shape).as_chunks_mut::<3>().0;
-        for_each_piece_mut(out, ROWS_PER_PIECE, |piece, out| {
-            for (k, out) in out.iter_mut().enumerate() {
-                let frame = Frame::new(rows(piece * ROWS_PER_PIECE + k));
-                let result = frame.and_then(|frame| frame.result());
-                *out = result.map_or([T::ZERO; 3], |result| result.map(T::narrow));
-            }
-        });
+        map_rows::<T, 3>(outputs.push(shape), |row| Frame::new(rows(row))?.result());
         Ok(())
     }
 
@@ -203,22 +193,21 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
     ) {
         let rows = rows([0, 1, 2].map(|i| kept.input(i)));
         let result_bars = kept.only_upstream().as_chunks::<3>().0;
-        bars.resize(result_bars.len(), [[T::ZERO; 3]; 3]);
-        for_each_piece_mut(bars, ROWS_PER_PIECE, |piece, bars| {
-            let first = piece * ROWS_PER_PIECE;
-            for (k, bars) in bars.iter_mut().enumerate() {
-                let result_bar = result_bars[first + k].map(T::widen);
-                let all = Frame::new(rows(first + k)).and_then(|frame| frame.pull_back(result_bar));
-                *bars = all.map_or([[T::ZERO; 3]; 3], |all| all.map(|bar| bar.map(T::narrow)));
-            }
+        bars.resize(9 * result_bars.len(), T::ZERO);
+        map_rows::<T, 9>(bars, |row| {
+            let all = Frame::new(rows(row))?.pull_back(result_bars[row].map(T::widen))?;
+            all.as_flattened().try_into().ok()
         });
-        for (input, width) in [(0, 3), (1, 4), (2, 3)] {
+        let bars = bars.as_chunks::<9>().0;
+        let bar = |input: usize, row: usize| [0, 1, 2].map(|k| bars[row][3 * input + k].widen());
+        for input in [0, 2] {
             let Some(gradient) = gradients.get(input) else { continue };
-            for_each_piece_mut(gradient.entries(), width * ROWS_PER_PIECE, |piece, entries| {
-                let bars = &bars[piece * ROWS_PER_PIECE..];
-                for (entries, bars) in entries.chunks_exact_mut(width).zip(bars) {
-                    entries.iter_mut().zip(bars[input]).for_each(|(entry, term)| *entry += term);
-                }
+            add_rows::<T, 3>(gradient, |row| Some(bar(input, row)));
+        }
+        if let Some(gradient) = gradients.get(1) {
+            add_rows::<T, 4>(gradient, |row| {
+                let [x, y, z] = bar(1, row);
+                Some([x, y, z, T::Wide::ZERO])
             });
         }
     }

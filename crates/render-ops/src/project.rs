@@ -15,13 +15,12 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020, where the projection is left to the user.
 
-use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use smallvec::SmallVec;
 
 use crate::error::RenderError;
 use crate::matrix::{self, Matrix4};
-use crate::moments::{POINTS_PER_PIECE, moments, sum};
+use crate::point_map::{add_points_bar, map_points, moments, sum};
 use crate::projection::{self, CAMERA_RULE, Camera};
 use crate::rotation::{self, Matrix3};
 
@@ -86,6 +85,11 @@ fn linear<S: Scalar>(camera: &Matrix4<S>, rotation: Option<&Matrix3<S>>) -> [[S;
     })
 }
 
+/// `[A b]`, by rows.
+fn with_shift<S: Scalar>(a: [[S; 3]; 4], b: [S; 4]) -> Matrix4<S> {
+    std::array::from_fn(|row| [a[row][0], a[row][1], a[row][2], b[row]])
+}
+
 /// N^T v for a vector of clip space.
 fn transposed<S: Scalar>(camera: &Matrix4<S>, v: [S; 4]) -> [S; 3] {
     std::array::from_fn(|k| (0..4).map(|row| camera[row][k] * v[row]).sum())
@@ -143,23 +147,9 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let a = linear(&camera, rotation.as_ref());
         let t: [T::Wide; 3] =
             if self.is_posed { widened(inputs.data(2)) } else { Default::default() };
-        let b = camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
-        let (positions, clip) = (inputs.data(0), outputs.push([inputs.shape(0)[0], 4]));
-        for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
-            let positions = &positions.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-            crate::dispatch::dispatch::<T, _>(
-                #[inline(always)]
-                || {
-                    for (p, clip) in positions.iter().zip(clip.as_chunks_mut::<4>().0) {
-                        let p = p.map(T::widen);
-                        *clip = [0, 1, 2, 3].map(|row| {
-                            let a = a[row];
-                            T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + b[row])
-                        });
-                    }
-                },
-            );
-        });
+        let shift = camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
+        let clip = outputs.push([inputs.shape(0)[0], 4]);
+        map_points(&with_shift(a, shift), inputs.data(0), clip);
         Ok(())
     }
 
@@ -167,16 +157,11 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let needs_camera = self.camera_input().is_some_and(|at| inputs.needs(at));
         let needs_rotation = self.is_posed && inputs.needs(1);
         let needs_translation = self.is_posed && inputs.needs(2);
-        let mut keep = Keep::NOTHING;
-        if needs_rotation || needs_camera {
-            keep = keep.input(0);
-        }
-        if self.is_posed && (inputs.needs(0) || needs_rotation || needs_camera) {
-            keep = keep.input(1);
-        }
-        if self.is_posed && needs_camera {
-            keep = keep.input(2);
-        }
+        let needs_either = needs_rotation || needs_camera;
+        let keep = Keep::NOTHING
+            .input_if(0, needs_either)
+            .input_if(1, self.is_posed && (inputs.needs(0) || needs_either))
+            .input_if(2, self.is_posed && needs_camera);
         match self.camera_input() {
             Some(at) if inputs.needs(0) || needs_rotation || needs_translation => keep.input(at),
             _ => keep,
@@ -192,23 +177,8 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let rotation = || self.is_posed.then(|| rotation::matrix(widened(kept.input(1))));
         if let Some(positions_bar) = gradients.get(0) {
             let a = linear(&camera(), rotation().as_ref());
-            let entries = positions_bar.entries();
-            for_each_piece_mut(entries, 3 * POINTS_PER_PIECE, |piece, entries| {
-                let rows = &clip_bar.as_chunks::<4>().0[piece * POINTS_PER_PIECE..];
-                crate::dispatch::dispatch::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for (p_bar, clip_bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(rows)
-                        {
-                            let [x, y, z, w] = clip_bar.map(T::widen);
-                            for k in 0..3 {
-                                let sum = a[0][k] * x + a[1][k] * y + a[2][k] * z + a[3][k] * w;
-                                p_bar[k] += T::narrow(sum);
-                            }
-                        }
-                    },
-                );
-            });
+            // The shift does not count here.
+            add_points_bar(&with_shift(a, [T::Wide::ZERO; 4]), clip_bar, positions_bar);
         }
         let needs_rotation = self.is_posed && gradients.needs(1);
         let needs_camera = self.camera_input().is_some_and(|at| gradients.needs(at));
@@ -273,6 +243,7 @@ mod tests {
     use rayon::ThreadPoolBuilder;
 
     use super::*;
+    use crate::point_map::POINTS_PER_PIECE;
 
     #[test]
     fn without_a_pose_it_is_the_matrix_product() {

@@ -13,13 +13,13 @@
 
 use std::ops::Range;
 
-use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::parallel::{for_each_piece_mut, write_each};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use smallvec::SmallVec;
 
 use crate::error::RenderError;
 use crate::matrix::{self, Matrix4};
-use crate::moments::{POINTS_PER_PIECE, piece_moments};
+use crate::point_map::{POINTS_PER_PIECE, map_piece, piece_moments};
 use crate::projection::{self, CAMERA_RULE, Camera};
 
 const NAME: &str = "project_instances";
@@ -153,20 +153,8 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
             let clip = clip.as_chunks_mut::<4>().0;
             let first = piece * POINTS_PER_PIECE;
-            for_each_instance(first..first + clip.len(), vertices, |instance, range, place| {
-                let a = products[instance];
-                crate::dispatch::dispatch::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for (p, clip) in points[range].iter().zip(&mut clip[place]) {
-                            let p = p.map(T::widen);
-                            *clip = [0, 1, 2, 3].map(|row| {
-                                let a = a[row];
-                                T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + a[3])
-                            });
-                        }
-                    },
-                );
+            for_each_instance(first..first + clip.len(), vertices, |instance, own, place| {
+                map_piece(&products[instance], &points[own], &mut clip[place]);
             });
         });
         Ok(())
@@ -174,17 +162,10 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
         let needs_camera = self.fixed.is_none() && inputs.needs(2);
-        let mut keep = Keep::NOTHING;
-        if inputs.needs(1) || needs_camera {
-            keep = keep.input(0);
-        }
-        if needs_camera {
-            keep = keep.input(1);
-        }
-        match self.fixed {
-            None if inputs.needs(1) => keep.input(2),
-            _ => keep,
-        }
+        Keep::NOTHING
+            .input_if(0, inputs.needs(1) || needs_camera)
+            .input_if(1, needs_camera)
+            .input_if(2, self.fixed.is_none() && inputs.needs(1))
     }
 
     fn backward(
@@ -211,27 +192,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         }
         let points = kept.input(0).as_chunks::<3>().0;
         let pieces = vertices.div_ceil(POINTS_PER_PIECE);
-        moments.clear();
-        moments.resize(instances * pieces, [[T::Wide::ZERO; 4]; 4]);
-        // Of small meshes a thread takes several at once.
-        let together = (POINTS_PER_PIECE / vertices.max(1)).max(1);
-        for_each_piece_mut(moments, together, |group, moments| {
-            for (at, moments) in (group * together..).zip(moments) {
-                let (instance, piece) = (at / pieces, at % pieces);
-                let first = piece * POINTS_PER_PIECE;
-                let range = first..(first + POINTS_PER_PIECE).min(vertices);
-                let rows = instance * vertices + range.start..instance * vertices + range.end;
-                *moments = piece_moments(&points[range], &bars[rows]);
-            }
-        });
-        // The sum of an instance's pieces, in the place of its first.
-        for moments in moments.chunks_exact_mut(pieces.max(1)) {
-            let (total, others) = moments.split_first_mut().expect("a piece at least");
-            for other in others {
-                let terms = other.iter().flatten();
-                total.iter_mut().flatten().zip(terms).for_each(|(total, term)| *total += *term);
-            }
-        }
+        sum_moments(points, bars, [instances, vertices], moments);
         let of_instances = moments.iter().step_by(pieces.max(1));
         if let Some(matrices_bar) = gradients.get(1) {
             let camera = self.fixed.unwrap_or_else(|| matrix::from_entries(kept.input(2)));
@@ -246,9 +207,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
             let mut total = [[T::Wide::ZERO; 4]; 4];
             let models = kept.input(1).chunks_exact(16).map(matrix::from_entries);
             for (moments, model) in of_instances.zip(models) {
-                let term = matrix::product_transposed(moments, &model);
-                let terms = term.iter().flatten();
-                total.iter_mut().flatten().zip(terms).for_each(|(total, term)| *total += *term);
+                matrix::add(&mut total, &matrix::product_transposed(moments, &model));
             }
             camera_bar.add_each(|k| T::narrow(total[k / 4][k % 4]));
         }
@@ -256,6 +215,30 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
         size_of_val(&saved.products[..])
+    }
+}
+
+/// Writes the moments of all pieces of all instances; those of an instance's first piece are then of all.
+fn sum_moments<T: Scalar>(
+    points: &[[T; 3]],
+    bars: &[[T; 4]],
+    [instances, vertices]: [usize; 2],
+    moments: &mut Vec<Matrix4<T::Wide>>,
+) {
+    let pieces = vertices.div_ceil(POINTS_PER_PIECE);
+    moments.clear();
+    moments.resize(instances * pieces, [[T::Wide::ZERO; 4]; 4]);
+    // Of small meshes a thread takes several at once.
+    let together = (POINTS_PER_PIECE / vertices.max(1)).max(1);
+    write_each(moments, together, |index| {
+        let (instance, piece) = (index / pieces, index % pieces);
+        let own = piece * POINTS_PER_PIECE..((piece + 1) * POINTS_PER_PIECE).min(vertices);
+        let first = instance * vertices;
+        piece_moments(&points[own.clone()], &bars[first + own.start..first + own.end])
+    });
+    for moments in moments.chunks_exact_mut(pieces.max(1)) {
+        let (total, others) = moments.split_first_mut().expect("a piece at least");
+        others.iter().for_each(|other| matrix::add(total, other));
     }
 }
 

@@ -6,7 +6,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use crate::coverage::Coverage;
 use crate::picture::Picture;
@@ -68,10 +68,6 @@ impl<T: Scalar> Op<T> for ReferenceRows<T> {
         coverage.for_each_gap(rim, |gap| total += self.loss.behind(gap));
         outputs.push([])[0] = T::narrow(total);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, _: &Kept<'_, T>, _: &mut (), _: &mut Accumulators<'_, T>) {

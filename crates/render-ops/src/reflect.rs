@@ -14,16 +14,13 @@
 //! # Where it is not smooth
 //! Where a normal is zero: there is no surface, and the direction goes on.
 
-use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use crate::error::RenderError;
-use crate::vector::{Direction, Vector3, difference, dot, plus, scaled, sum};
+use crate::row_map::{add_rows, map_rows};
+use crate::vector::{Direction, Vector3, dot, plus, scaled};
 
 const NAME: &str = "reflect";
-
-/// Rows in one piece of work.
-const ROWS_PER_PIECE: usize = 1 << 11;
 
 /// `directions: [.., 3]`, mirrored at surfaces with `normals` of the same shape: `d - 2 (d . n) n`, with n
 /// normalized. A direction to a surface becomes one away from it, of the same length. Of a direction to the
@@ -76,54 +73,42 @@ impl<T: Scalar> Op<T> for Reflect {
         }
         let (directions, _) = inputs.data(0).as_chunks::<3>();
         let (normals, _) = inputs.data(1).as_chunks::<3>();
-        for_each_piece_mut(outputs.push(shape), 3 * ROWS_PER_PIECE, |piece, out| {
-            let first = piece * ROWS_PER_PIECE;
-            let rows = directions[first..].iter().zip(&normals[first..]);
-            for (out, (d, n)) in out.as_chunks_mut().0.iter_mut().zip(rows) {
-                *out = match Direction::new(n.map(T::widen)) {
-                    None => *d,
-                    Some(normal) => mirrored(d.map(T::widen), normal.unit).map(T::narrow),
-                };
-            }
+        map_rows::<T, 3>(outputs.push(shape), |row| {
+            let d = directions[row].map(T::widen);
+            Some(unit(normals[row]).map_or(d, |normal| mirrored(d, normal.unit)))
         });
         Ok(())
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = Keep::NOTHING.input(1);
-        if inputs.needs(1) { keep.input(0) } else { keep }
+        Keep::NOTHING.input(1).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (bars, _) = kept.only_upstream().as_chunks::<3>();
         let (normals, _) = kept.input(1).as_chunks::<3>();
         if let Some(directions_bar) = gradients.get(0) {
-            for_each_piece_mut(directions_bar.entries(), 3 * ROWS_PER_PIECE, |piece, entries| {
-                let first = piece * ROWS_PER_PIECE;
-                let rows = bars[first..].iter().zip(&normals[first..]);
-                for (entry, (bar, n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
-                    let bar = bar.map(T::widen);
-                    let own = Direction::new(n.map(T::widen))
-                        .map_or(bar, |normal| mirrored(bar, normal.unit));
-                    *entry = sum(*entry, own.map(T::narrow));
-                }
+            add_rows::<T, 3>(directions_bar, |row| {
+                let bar = bars[row].map(T::widen);
+                Some(unit(normals[row]).map_or(bar, |normal| mirrored(bar, normal.unit)))
             });
         }
         if let Some(normals_bar) = gradients.get(1) {
             let (directions, _) = kept.input(0).as_chunks::<3>();
-            for_each_piece_mut(normals_bar.entries(), 3 * ROWS_PER_PIECE, |piece, entries| {
-                let first = piece * ROWS_PER_PIECE;
-                let rows = bars[first..].iter().zip(&directions[first..]).zip(&normals[first..]);
-                for (entry, ((bar, d), n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
-                    let Some(normal) = Direction::new(n.map(T::widen)) else { continue };
-                    let (bar, d, m) = (bar.map(T::widen), d.map(T::widen), normal.unit);
-                    let half = plus(scaled(dot(d, m), bar), dot(bar, m), d);
-                    let own = normal.pull_back(half).map(|bar| T::narrow(bar + bar));
-                    *entry = difference(*entry, own);
-                }
+            add_rows::<T, 3>(normals_bar, |row| {
+                let normal = unit(normals[row])?;
+                let (bar, d) = (bars[row].map(T::widen), directions[row].map(T::widen));
+                let half = plus(scaled(dot(d, normal.unit), bar), dot(bar, normal.unit), d);
+                Some(normal.pull_back(half).map(|bar| -(bar + bar)))
             });
         }
     }
+}
+
+/// The direction of a normal, unless that is zero.
+#[inline(always)]
+fn unit<T: Scalar>(normal: [T; 3]) -> Option<Direction<T::Wide>> {
+    Direction::new(normal.map(T::widen))
 }
 
 #[cfg(test)]

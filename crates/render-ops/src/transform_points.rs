@@ -7,12 +7,11 @@
 //! `p_bar_i = A^T y_bar_i`; `A_bar = sum_i y_bar_i p_i^T`, `b_bar = sum_i y_bar_i`. The last row is no
 //! variable: its gradient is 0. It is smooth everywhere.
 
-use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use crate::error::RenderError;
 use crate::matrix;
-use crate::moments::{POINTS_PER_PIECE, moments};
+use crate::point_map::{add_points_bar, map_points, moments};
 
 const NAME: &str = "transform_points";
 
@@ -34,6 +33,12 @@ pub fn transform_points<'t, T: Scalar>(
 
 /// Inputs: points `[V, 3]`, a matrix `[4, 4]`. Output: points `[V, 3]`.
 struct TransformPoints;
+
+/// The rows `[A b]` of a matrix.
+fn first_rows<T: Scalar>(entries: &[T]) -> [[T::Wide; 4]; 3] {
+    let [x, y, z, _] = matrix::from_entries(entries);
+    [x, y, z]
+}
 
 impl<T: Scalar> Op<T> for TransformPoints {
     type Saved = ();
@@ -57,53 +62,19 @@ impl<T: Scalar> Op<T> for TransformPoints {
         }
         matrix::check_finite(inputs.data(1))?;
         matrix::check_affine(NAME, inputs.data(1))?;
-        let (points, m) = (inputs.data(0), matrix::from_entries(inputs.data(1)));
         let out = outputs.push(inputs.shape(0));
-        for_each_piece_mut(out, 3 * POINTS_PER_PIECE, |piece, out| {
-            let points = &points.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-            crate::dispatch::dispatch::<T, _>(
-                #[inline(always)]
-                || {
-                    for (p, out) in points.iter().zip(out.as_chunks_mut::<3>().0) {
-                        let p = p.map(T::widen);
-                        *out = [0, 1, 2].map(|row| {
-                            let m = m[row];
-                            T::narrow(m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3])
-                        });
-                    }
-                },
-            );
-        });
+        map_points(&first_rows(inputs.data(1)), inputs.data(0), out);
         Ok(())
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        match (inputs.needs(0), inputs.needs(1)) {
-            (true, true) => Keep::NOTHING.input(0).input(1),
-            (true, false) => Keep::NOTHING.input(1),
-            (false, true) => Keep::NOTHING.input(0),
-            (false, false) => Keep::NOTHING,
-        }
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let bars = kept.only_upstream();
         if let Some(points_bar) = gradients.get(0) {
-            let m = matrix::from_entries(kept.input(1));
-            for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
-                let bars = &bars.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-                crate::dispatch::dispatch::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for (p_bar, bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(bars) {
-                            let [x, y, z] = bar.map(T::widen);
-                            for k in 0..3 {
-                                p_bar[k] += T::narrow(m[0][k] * x + m[1][k] * y + m[2][k] * z);
-                            }
-                        }
-                    },
-                );
-            });
+            add_points_bar(&first_rows(kept.input(1)), bars, points_bar);
         }
         if let Some(matrix_bar) = gradients.get(1) {
             let sums = moments::<T, 3>(kept.input(0), bars);

@@ -4,7 +4,7 @@ use crate::axis::blocks;
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::joining::{add_part, join};
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -50,10 +50,6 @@ impl<T: Scalar> Op<T> for Concat {
         let length = |i: usize| inputs.shape(i)[self.axis] * inner;
         join(inputs, length, outputs.try_push(Self::NAME, shape.with(self.axis, extent))?);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -6,7 +6,7 @@
 //! [`Scalar::Wide`]: in `f32` the products are exact and a component is rounded once, so also that of
 //! nearly parallel vectors.
 
-use crate::axis::for_each_short_line_mut;
+use crate::axis::{for_each_short_line_mut, sum_rows};
 use crate::copies::add_over_copies;
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators};
@@ -42,6 +42,14 @@ fn component<T: Scalar>(x: &[T], y: &[T], i: usize) -> T::Wide {
     x[j].widen() * y[k].widen() - x[k].widen() * y[j].widen()
 }
 
+/// Calls `put(entry, component)` for the three entries of `z`: with `x × y`. Four loops call it, so that it would be
+/// inlined in none of them by itself.
+#[inline(always)]
+fn put_product<T: Scalar>(z: &mut [T], x: &[T], y: &[T], put: &impl Fn(&mut T, T)) {
+    let components = [0, 1, 2].map(|i| T::narrow(component(x, y, i)));
+    z.iter_mut().zip(components).for_each(|(z, component)| put(z, component));
+}
+
 /// Calls `put(entry, component)` for each entry of `z`, of the shape `full`: with `x × y`.
 fn for_each_component<T: Scalar>(
     z: &mut [T],
@@ -49,22 +57,18 @@ fn for_each_component<T: Scalar>(
     operands: [(&[T], &Shape); 2],
     put: impl Fn(&mut T, T) + Send + Sync,
 ) {
-    let put_all = |z: &mut [T], x: &[T], y: &[T]| {
-        let components = [0, 1, 2].map(|i| T::narrow(component(x, y, i)));
-        z.iter_mut().zip(components).for_each(|(z, component)| put(z, component));
-    };
     match Pairs::new(operands, full) {
         Pairs::Many(many) => for_each_short_line_mut::<T, 3, 2>(z, many, |_, z, [x, y]| {
-            put_all(z, x, y);
+            put_product(z, x, y, &put);
         }),
         Pairs::ManyAndOne(x, y) => for_each_short_line_mut::<T, 3, 1>(z, [x], |_, z, [x]| {
-            put_all(z, x, y);
+            put_product(z, x, y, &put);
         }),
         Pairs::OneAndMany(x, y) => for_each_short_line_mut::<T, 3, 1>(z, [y], |_, z, [y]| {
-            put_all(z, x, y);
+            put_product(z, x, y, &put);
         }),
         Pairs::Any([x, y]) => for_each_short_line_mut::<T, 3, 0>(z, [], |row, z, []| {
-            put_all(z, x.row(row, 3), y.row(row, 3));
+            put_product(z, x.row(row, 3), y.row(row, 3), &put);
         }),
     }
 }
@@ -80,6 +84,14 @@ fn add_cross<T: Scalar>(
         let (gradient, fresh) = gradient.entries_or_fresh();
         let put = |sum: &mut T, term: T| *sum = if fresh { term } else { *sum + term };
         return for_each_component(gradient, full, operands, put);
+    }
+    // One vector beside as many as there are: components that the compiler knows.
+    if shape.size() == 3
+        && let Pairs::Many([x, y]) = Pairs::new(operands, full)
+    {
+        let ([x, y], gradient) = ([x, y].map(|x| x.as_chunks::<3>().0), gradient.entries());
+        let term = |row: usize, i: usize| component(&x[row], &y[row], i);
+        return sum_rows::<T>(x.len(), 3, term, |i, total| gradient[i] += T::narrow(total));
     }
     let [(x, x_shape), (y, y_shape)] = operands;
     // Along the vectors their start stays, and the component goes on.
@@ -115,13 +127,7 @@ impl<T: Scalar> Op<T> for Cross {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let mut keep = Keep::NOTHING;
-        for (operand, other) in [(0, 1), (1, 0)] {
-            if inputs.needs(operand) {
-                keep = keep.input(other);
-            }
-        }
-        keep
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -68,13 +68,7 @@ impl<T: Scalar> Op<T> for Dot {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let mut keep = Keep::NOTHING;
-        for (operand, other) in [(0, 1), (1, 0)] {
-            if inputs.needs(operand) {
-                keep = keep.input(other);
-            }
-        }
-        keep
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

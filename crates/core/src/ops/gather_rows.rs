@@ -11,7 +11,7 @@ use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::grouping::{Grouping, check};
 use crate::listed_rows::sum_listed_rows;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -46,10 +46,6 @@ impl<T: Scalar> Op<T> for GatherRows {
             y.copy_from_slice(&x[self.rows[r] as usize * inner..][..inner]);
         });
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

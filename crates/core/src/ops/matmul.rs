@@ -45,12 +45,7 @@ impl<T: Scalar> Op<T> for MatrixProduct {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        match (inputs.needs(0), inputs.needs(1)) {
-            (true, true) => Keep::NOTHING.input(0).input(1),
-            (true, false) => Keep::NOTHING.input(1),
-            (false, true) => Keep::NOTHING.input(0),
-            (false, false) => Keep::NOTHING,
-        }
+        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -8,7 +8,7 @@ use std::ops::Range;
 use crate::axis::blocks;
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -160,10 +160,6 @@ impl<T: Scalar> Op<T> for Pad<T> {
             }
         });
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

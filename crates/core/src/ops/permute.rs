@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::var::Var;
@@ -58,10 +58,6 @@ impl<T: Scalar> Op<T> for Permute {
         let (x, y) = (inputs.data(0), outputs.push(permuted));
         walk.for_each(|[to, from]| y[to] = x[from]);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -2,7 +2,7 @@
 
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::var::Var;
@@ -34,10 +34,6 @@ impl<T: Scalar> Op<T> for Reshape {
             return Err(TensorError::Length { shape: shape.clone(), entries });
         }
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

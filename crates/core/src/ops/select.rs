@@ -10,7 +10,7 @@ use crate::copies::add_over_copies;
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators};
 use crate::mask::Mask;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::var::Var;
@@ -122,10 +122,6 @@ impl<T: Scalar> Op<T> for Select {
         }
         choose_rows(&walk, z, truth, [x, y]);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -7,7 +7,7 @@
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::listed_rows::sum_listed_rows;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::sparse::{Compressed, SparseMatrix};
 use crate::var::Var;
@@ -57,10 +57,6 @@ impl<T: Scalar> Op<T> for SparseProduct<T> {
         let y = outputs.try_push(Self::NAME, product)?;
         multiply(self.matrix.by_rows(), inputs.data(0), inner, y, |y, product| *y = product);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -4,7 +4,7 @@ use crate::axis::{blocks, with_new_axis};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::joining::{add_part, join};
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -46,10 +46,6 @@ impl<T: Scalar> Op<T> for Stack {
         let [_, _, inner] = blocks(&stacked, self.axis, Self::NAME)?;
         join(inputs, |_| inner, outputs.try_push(Self::NAME, stacked)?);
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -8,7 +8,7 @@
 //! `x_bar_pq += y_bar_ij / n_ij` with the number n of the block's pixels.
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 /// Input: an image `[H, W, C]`.
 struct Halved;
@@ -66,10 +66,6 @@ impl<T: Scalar> Op<T> for Halved {
             }
         });
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -14,8 +14,8 @@
 //! A face without an area, to within the rounding of its sides, has no normal: its pairs count as flat
 //! and give no gradient. Beside that the slope grows as 1 over the height of the face.
 
-use bokashi_core::parallel::for_each_piece_mut;
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
+use bokashi_core::parallel::write_each;
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
 
 use super::vertices::{PER_PIECE, Vector, add_by_vertex, check, cross, dot, minus, plus, position};
 use crate::topology::{FacePair, Topology};
@@ -112,11 +112,7 @@ impl<T: Scalar> Op<T> for NormalConsistency {
         let facet = |face: [u32; 3]| Facet::new(face.map(|vertex| position(positions, vertex)));
         let facets = &mut saved.facets;
         facets.resize(faces.len(), Facet::new([[T::Wide::ZERO; 3]; 3]));
-        for_each_piece_mut(facets, PER_PIECE, |piece, facets| {
-            for (to, &face) in facets.iter_mut().zip(&faces[piece * PER_PIECE..]) {
-                *to = facet(face);
-            }
-        });
+        write_each(facets, PER_PIECE, |face| facet(faces[face]));
         let (facets, pairs) = (&*facets, self.topology.pairs());
         let total = sum::<T>(pairs.len(), |k| {
             let [f, g] = pairs[k].faces.map(|face| &facets[face as usize]);
@@ -130,10 +126,6 @@ impl<T: Scalar> Op<T> for NormalConsistency {
         Ok(())
     }
 
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
     fn backward(
         &self,
         kept: &Kept<'_, T>,
@@ -145,18 +137,15 @@ impl<T: Scalar> Op<T> for NormalConsistency {
         let (facets, pairs) = (&*facets, self.topology.pairs());
         let factor = -(self.share::<T::Wide>() * kept.only_upstream()[0].widen());
         corner_bars.resize(facets.len(), [[T::Wide::ZERO; 3]; 3]);
-        for_each_piece_mut(corner_bars, PER_PIECE, |piece, bars| {
-            for (k, bars) in bars.iter_mut().enumerate() {
-                let face = piece * PER_PIECE + k;
-                let mut total = [T::Wide::ZERO; 3];
-                for &pair in self.topology.pairs_of(face) {
-                    let pair = pairs[pair as usize];
-                    let [f, g] = pair.faces;
-                    let other = if f as usize == face { g } else { f };
-                    total = plus(total, seen(pair, facets[other as usize].normal));
-                }
-                *bars = facets[face].pull_back(total.map(|x| factor * x));
+        write_each(corner_bars, PER_PIECE, |face| {
+            let mut total = [T::Wide::ZERO; 3];
+            for &pair in self.topology.pairs_of(face) {
+                let pair = pairs[pair as usize];
+                let [f, g] = pair.faces;
+                let other = if f as usize == face { g } else { f };
+                total = plus(total, seen(pair, facets[other as usize].normal));
             }
+            facets[face].pull_back(total.map(|x| factor * x))
         });
         let bars = &*corner_bars;
         add_by_vertex(bar, |vertex| {

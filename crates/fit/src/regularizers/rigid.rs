@@ -19,7 +19,7 @@
 
 use std::sync::Arc;
 
-use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::parallel::write_each;
 use bokashi_core::{
     Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, TensorError, Var, sum,
 };
@@ -165,11 +165,7 @@ impl<T: Scalar> Op<T> for Rigidity {
         };
         let count = self.0.topology.vertex_count();
         cells.resize(count, Cell { rotation: [[zero; 3]; 3], error: zero });
-        for_each_piece_mut(cells, PER_PIECE, |piece, cells| {
-            for (k, to) in cells.iter_mut().enumerate() {
-                *to = cell(piece * PER_PIECE + k);
-            }
-        });
+        write_each(cells, PER_PIECE, cell);
         let total = sum::<T>(count, |vertex| cells[vertex].error);
         outputs.push([])[0] = T::narrow(self.share::<T::Wide>() * total);
         Ok(())

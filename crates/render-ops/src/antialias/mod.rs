@@ -586,8 +586,7 @@ impl<T: Scalar> Op<T> for Antialias {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = if inputs.needs(0) { Keep::NOTHING.input(0) } else { Keep::NOTHING };
-        keep.upstream()
+        Keep::NOTHING.input_if(0, inputs.needs(0)).upstream()
     }
 
     fn backward(

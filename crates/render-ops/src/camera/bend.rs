@@ -13,7 +13,7 @@ use bokashi_core::parallel::{for_each_piece_mut, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use crate::error::RenderError;
-use crate::moments::POINTS_PER_PIECE;
+use crate::point_map::POINTS_PER_PIECE;
 
 /// Coefficients beyond it would leave the range of the numbers.
 const LARGEST: f64 = 1e100;

@@ -72,7 +72,7 @@ impl<T: Scalar> Op<T> for Rigid {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        if inputs.needs(0) { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+        Keep::NOTHING.input_if(0, inputs.needs(0))
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

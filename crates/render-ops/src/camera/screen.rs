@@ -16,7 +16,7 @@
 //! `a_bar = 2 M_bar_00 / W`, `b_bar = -2 M_bar_11 / H`, `c_bar = 2 M_bar_0j / W`,
 //! `d_bar = -2 M_bar_1j / H`, with j the column of w. It is linear.
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar};
 
 use crate::error::RenderError;
 use crate::matrix;
@@ -83,10 +83,6 @@ impl<T: Scalar> Op<T> for Screen {
         let entries = outputs.push([4, 4]);
         matrix::write(&rows, entries);
         matrix::check_finite(entries)
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {

@@ -20,7 +20,7 @@
 //! Keys, *Cubic convolution interpolation for digital image processing*, IEEE TASSP 29(6), 1981.
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
+use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut, write_each};
 
 use crate::border::Border;
 use crate::convolution::{Band, Convolution};
@@ -141,11 +141,7 @@ impl<T: Scalar> Ladder<T> {
                 }
             }
         };
-        if slopes.is_empty() {
-            for_each_piece_mut(out, rows * row, |band, out| work(band, out, &mut []));
-        } else {
-            for_each_two_pieces_mut(out, slopes, [rows * row; 2], work);
-        }
+        for_each_two_pieces_mut(out, slopes, [rows * row; 2], work);
     }
 
     /// Adds to `image_bar` what the gradients `b_bar` of the last blur's result say of its image.
@@ -197,13 +193,11 @@ impl<T: Scalar> Ladder<T> {
         let by_step = T::from_f64(spacing.step.recip());
         let offset = T::from_f64(spacing.first.ln());
         places.resize(sigmas.len(), T::ZERO);
-        for_each_piece_mut(places, PIXELS_PER_PIECE, |piece, places| {
-            for (place, &sigma) in places.iter_mut().zip(&sigmas[piece * PIXELS_PER_PIECE..]) {
-                // Not below `SHARP`, at sigma 0 neither.
-                let at = (sigma.ln() - offset) * by_step;
-                let sharp = T::from_f64(SHARP);
-                *place = if at > sharp { at } else { sharp };
-            }
+        let sharp = T::from_f64(SHARP);
+        write_each(places, PIXELS_PER_PIECE, |pixel| {
+            // Not below `SHARP`, at sigma 0 neither.
+            let place = (sigmas[pixel].ln() - offset) * by_step;
+            if place > sharp { place } else { sharp }
         });
         let highest = places.iter().fold(T::from_f64(SHARP), |a, &b| if b > a { b } else { a });
         // A pixel sees the two rungs above it.

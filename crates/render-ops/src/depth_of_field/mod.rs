@@ -41,14 +41,13 @@ mod ladder;
 mod tests;
 mod windows;
 
-use std::ops::Range;
-
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut, merge_ranges};
+use bokashi_core::parallel::{for_each_two_pieces_mut, write_each};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use self::ladder::Ladder;
 use crate::depth_image::DepthImage;
 use crate::error::RenderError;
+use crate::row_map::sum_rows;
 use crate::taps::{Radius, check_radius};
 
 /// The lens of [`depth_of_field`], as variables.
@@ -297,13 +296,10 @@ impl<T: Scalar> Op<T> for DepthOfField {
         }
         let channels = shape[2];
         sigma_bars.resize(sigmas.len(), T::Wide::ZERO);
-        for_each_piece_mut(sigma_bars, PIXELS_PER_PIECE, |piece, sigma_bars| {
-            let start = piece * PIXELS_PER_PIECE * channels;
-            let pairs = slopes[start..].chunks(channels).zip(b_bar[start..].chunks(channels));
-            for (sigma_bar, (slopes, b_bar)) in sigma_bars.iter_mut().zip(pairs) {
-                let products = slopes.iter().zip(b_bar).map(|(s, b)| s.widen() * b.widen());
-                *sigma_bar = products.sum();
-            }
+        write_each(sigma_bars, PIXELS_PER_PIECE, |pixel| {
+            let entries = pixel * channels..(pixel + 1) * channels;
+            let pairs = slopes[entries.clone()].iter().zip(&b_bar[entries]);
+            pairs.map(|(s, b)| s.widen() * b.widen()).sum()
         });
         let (depth, aperture, focus) = (kept.input(1), kept.input(2)[0], kept.input(3)[0]);
         let circle =
@@ -314,19 +310,9 @@ impl<T: Scalar> Op<T> for DepthOfField {
         if !(2..4).any(|i| gradients.needs(i)) {
             return;
         }
-        let mut sums = [T::Wide::ZERO; 2];
-        let sum = |range: Range<usize>| {
-            let mut sums = [T::Wide::ZERO; 2];
-            for k in range {
-                let circle = circle(k);
-                sums[0] += sigma_bars[k] * circle.by_aperture;
-                sums[1] += sigma_bars[k] * circle.by_focus;
-            }
-            sums
-        };
-        merge_ranges(depth.len(), PIXELS_PER_PIECE, sum, |[by_aperture, by_focus]| {
-            sums[0] += by_aperture;
-            sums[1] += by_focus;
+        let sums = sum_rows::<T, 2>(depth.len(), PIXELS_PER_PIECE, |pixel| {
+            let circle = circle(pixel);
+            Some([circle.by_aperture, circle.by_focus].map(|slope| sigma_bars[pixel] * slope))
         });
         for i in 0..2 {
             if let Some(bar) = gradients.get(2 + i) {

@@ -1,7 +1,7 @@
 //! Each pixel by a window of its own.
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
+use bokashi_core::parallel::for_each_two_pieces_mut;
 
 use crate::border::Border;
 use crate::taps::{Blur, Kernel, Radius, Taps};
@@ -43,11 +43,7 @@ pub(super) fn blur<T: Scalar>(
             }
         }
     };
-    if slopes.is_empty() {
-        for_each_piece_mut(out, piece, |k, out| blur(k, out, &mut []));
-    } else {
-        for_each_two_pieces_mut(out, slopes, [piece; 2], blur);
-    }
+    for_each_two_pieces_mut(out, slopes, [piece; 2], blur);
 }
 
 /// Adds to `image_bar` what the pixels' gradients `b_bar` say of the image.

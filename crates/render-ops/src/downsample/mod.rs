@@ -26,7 +26,7 @@ mod tests;
 mod weighing;
 
 use bokashi_core::parallel::for_each_piece_mut;
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use self::weighing::{Band, Lists, Window, add_weighed, weigh};
 use crate::border::Border;
@@ -130,10 +130,6 @@ impl<T: Scalar> Op<T> for Downsample {
             });
         });
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

@@ -156,8 +156,7 @@ impl<T: Scalar> Op<T> for Irradiance {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let keep = Keep::NOTHING.input(1);
-        if inputs.needs(1) { keep.input(0) } else { keep }
+        Keep::NOTHING.input(1).input_if(0, inputs.needs(1))
     }
 
     fn backward(

@@ -40,7 +40,7 @@ mod rational;
 mod tests;
 
 use bokashi_core::parallel::for_each_item_mut;
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Var};
 
 use self::rational::{Block, Line, Order, Rational};
 use crate::border::Border;
@@ -136,10 +136,6 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             Convolution::new(shape, border, taps).apply(image, bands, out, slope);
         }
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

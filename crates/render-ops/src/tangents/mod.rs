@@ -25,7 +25,7 @@
 mod tests;
 mod textured;
 
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
+use bokashi_core::parallel::write_each;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use self::textured::{Bars, SeenBar, Textured};
@@ -265,20 +265,12 @@ impl<T: Scalar> Op<T> for Tangents {
         let Saved { parts, sums, .. } = saved;
         let data = [0, 1, 2].map(|i| inputs.data(i));
         parts.resize(self.mesh.faces().len(), Part::nothing());
-        for_each_piece_mut(parts, PER_PIECE, |piece, parts| {
-            for (k, part) in parts.iter_mut().enumerate() {
-                *part = self.part(data, piece * PER_PIECE + k);
-            }
-        });
+        write_each(parts, PER_PIECE, |face| self.part(data, face));
         let corners = self.indices.corners();
         let tangents = outputs.push([count, 4]).as_chunks_mut::<4>().0;
         sums.resize(count, Sum::nothing());
-        for_each_two_pieces_mut(tangents, sums, [PER_PIECE; 2], |piece, tangents, sums| {
-            for (k, (tangent, sum)) in tangents.iter_mut().zip(sums).enumerate() {
-                *sum = Sum::over(corners.around(piece * PER_PIECE + k), parts);
-                *tangent = sum.row();
-            }
-        });
+        write_each(sums, PER_PIECE, |coordinate| Sum::over(corners.around(coordinate), parts));
+        write_each(tangents, PER_PIECE, |coordinate| sums[coordinate].row());
         Ok(())
     }
 
@@ -296,20 +288,12 @@ impl<T: Scalar> Op<T> for Tangents {
         let tangents_bar = kept.only_upstream().as_chunks::<4>().0;
         let Saved { parts, sums, sum_bars, bars, .. } = saved;
         sum_bars.resize(sums.len(), [T::Wide::ZERO; 3]);
-        for_each_piece_mut(sum_bars, PER_PIECE, |piece, sum_bars| {
-            let first = piece * PER_PIECE;
-            for (k, sum_bar) in sum_bars.iter_mut().enumerate() {
-                let [x, y, z, _] = tangents_bar[first + k].map(T::widen);
-                *sum_bar = sums[first + k].pull_back([x, y, z]);
-            }
+        write_each(sum_bars, PER_PIECE, |coordinate| {
+            let [x, y, z, _] = tangents_bar[coordinate].map(T::widen);
+            sums[coordinate].pull_back([x, y, z])
         });
         bars.resize(self.mesh.faces().len(), Bars::ZERO);
-        for_each_piece_mut(bars, PER_PIECE, |piece, bars| {
-            for (k, bars) in bars.iter_mut().enumerate() {
-                let face = piece * PER_PIECE + k;
-                *bars = self.bars(data, face, &parts[face], sums, sum_bars);
-            }
-        });
+        write_each(bars, PER_PIECE, |face| self.bars(data, face, &parts[face], sums, sum_bars));
         if let Some(positions_bar) = gradients.get(0) {
             add_by_vertex(positions_bar, self.mesh.corners(), |_, corners| {
                 sum_over(corners, |corner| bars[corner / 3].positions[corner % 3])

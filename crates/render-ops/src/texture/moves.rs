@@ -63,13 +63,7 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
                 }
                 pull_back(piece, entries, rows);
             };
-            if rows.is_empty() {
-                for_each_piece_mut(entries, lengths[0], |piece, entries| {
-                    pull_back(piece, entries, &mut [])
-                });
-            } else {
-                for_each_two_pieces_mut(entries, rows, lengths, pull_back);
-            }
+            for_each_two_pieces_mut(entries, rows, lengths, pull_back);
             if is_bent {
                 Footprints { lookup: values.lookup, rows }.add_to_coordinates(entries);
             }

@@ -20,6 +20,11 @@
 //! Areas are in units of the largest face at the vertex, to a power of two: they neither overflow nor
 //! vanish all.
 //!
+//! # By hand
+//! In `f32` it takes 0.79 of the instructions of a composition (rows gathered, crossed, scattered, normalized).
+//! The gain is what a composition has not: degenerate faces, and normals that cancel, are found to within
+//! rounding, and areas of any size are summed.
+//!
 //! # Source
 //! By area: Gouraud, *Continuous shading of curved surfaces*, IEEE Transactions on Computers 20(6),
 //! 1971, with the mean weighted. By angle: Thürmer and Wüthrich, *Computing vertex normals from
@@ -28,7 +33,7 @@
 #[cfg(test)]
 mod tests;
 
-use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
+use bokashi_core::parallel::write_each;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use crate::corner_sums::add_rows_by_vertex;
@@ -189,30 +194,17 @@ impl<T: Scalar> Op<T> for VertexNormals {
         let Saved { parts, sums, .. } = saved;
         let (zero, none) = (T::Wide::ZERO, [T::Wide::ZERO; 3]);
         parts.resize(faces.len(), Part { normal: none, weights: none, factor: zero, doubt: zero });
-        for_each_piece_mut(parts, PER_PIECE, |piece, parts| {
-            let faces = &faces[piece * PER_PIECE..];
-            for (part, &face) in parts.iter_mut().zip(faces) {
-                *part = self.part(positions, face);
-            }
-        });
+        write_each(parts, PER_PIECE, |face| self.part(positions, faces[face]));
         let normals = outputs.push(shape).as_chunks_mut::<3>().0;
         let sum = |vertex| Sum::over(corners.around(vertex), parts);
         if !inputs.needs(0) {
             sums.clear();
-            for_each_piece_mut(normals, PER_PIECE, |piece, normals| {
-                for (k, normal) in normals.iter_mut().enumerate() {
-                    *normal = sum(piece * PER_PIECE + k).normal.map(T::narrow);
-                }
-            });
+            write_each(normals, PER_PIECE, |vertex| sum(vertex).normal.map(T::narrow));
             return Ok(());
         }
         sums.resize(count, Sum { normal: none, length: zero, factor: zero });
-        for_each_two_pieces_mut(normals, sums, [PER_PIECE; 2], |piece, normals, sums| {
-            for (k, (normal, to)) in normals.iter_mut().zip(sums).enumerate() {
-                *to = sum(piece * PER_PIECE + k);
-                *normal = to.normal.map(T::narrow);
-            }
-        });
+        write_each(sums, PER_PIECE, sum);
+        write_each(normals, PER_PIECE, |vertex| sums[vertex].normal.map(T::narrow));
         Ok(())
     }
 
@@ -232,22 +224,16 @@ impl<T: Scalar> Op<T> for VertexNormals {
         let Saved { parts, sums, sum_bars, corner_bars } = saved;
         let none = [T::Wide::ZERO; 3];
         sum_bars.resize(sums.len(), none);
-        for_each_piece_mut(sum_bars, PER_PIECE, |piece, sum_bars| {
-            let first = piece * PER_PIECE;
-            for (k, sum_bar) in sum_bars.iter_mut().enumerate() {
-                *sum_bar = sums[first + k].pull_back(normals_bar[first + k].map(T::widen));
-            }
+        write_each(sum_bars, PER_PIECE, |vertex| {
+            sums[vertex].pull_back(normals_bar[vertex].map(T::widen))
         });
         corner_bars.resize(faces.len(), [none; 3]);
-        for_each_piece_mut(corner_bars, PER_PIECE, |piece, corner_bars| {
-            for (k, bars) in corner_bars.iter_mut().enumerate() {
-                let face = piece * PER_PIECE + k;
-                let vertices = faces[face].map(|vertex| vertex as usize);
-                let around = vertices.map(|vertex| (sums[vertex].factor, sum_bars[vertex]));
-                *bars = match Facet::new(positions, faces[face]) {
-                    None => [none; 3],
-                    Some(facet) => self.corner_bars(&facet, &parts[face], around),
-                };
+        write_each(corner_bars, PER_PIECE, |face| {
+            let vertices = faces[face].map(|vertex| vertex as usize);
+            let around = vertices.map(|vertex| (sums[vertex].factor, sum_bars[vertex]));
+            match Facet::new(positions, faces[face]) {
+                None => [none; 3],
+                Some(facet) => self.corner_bars(&facet, &parts[face], around),
             }
         });
         add_rows_by_vertex(positions_bar, self.mesh.corners(), corner_bars.as_flattened());

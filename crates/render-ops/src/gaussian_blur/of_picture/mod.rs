@@ -24,7 +24,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_item_mut, for_each_zipped_mut, threads};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, Var, sum};
+use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Tensor, Var, sum};
 
 use super::{GaussianBlur, PRODUCTS, dot, gaussian_blur};
 use crate::background::Kind;
@@ -269,10 +269,6 @@ impl<T: Scalar> Op<T> for BlurOfPicture {
         Ok(())
     }
 
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
     fn backward(
         &self,
         kept: &Kept<'_, T>,
@@ -402,10 +398,6 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
         outputs.push([])[0] = T::narrow(total);
         *slope = sums.iter().map(|&[_, product]| product).sum();
         Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
     }
 
     fn backward(

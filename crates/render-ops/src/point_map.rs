@@ -1,13 +1,78 @@
-//! Sums over points, for the gradients of matrices that multiply them.
+//! Affine maps of points, `y_i = M (p_i, 1)` with a matrix M of three rows or four: the loops of operations that
+//! multiply points.
 //!
-//! With `y_i = M (p_i, 1)`: `M_bar = sum_i y_bar_i (p_i, 1)^T`. Points are summed in pieces of a fixed
-//! size, in [`Scalar::Wide`], and pieces in their order.
+//! Backward `p_bar_i = A^T y_bar_i`, with the first three columns A of M, and
+//! `M_bar = sum_i y_bar_i (p_i, 1)^T`. Points are summed in pieces of a fixed size, in [`Scalar::Wide`], and
+//! pieces in their order.
 
-use bokashi_core::Scalar;
-use bokashi_core::parallel::merge_ranges;
+use bokashi_core::parallel::{for_each_piece_mut, merge_ranges};
+use bokashi_core::{Accumulator, Scalar};
+
+use crate::dispatch::dispatch;
+use crate::row_map::sum_rows;
 
 /// Points in one piece of work.
 pub(crate) const POINTS_PER_PIECE: usize = 1 << 13;
+
+/// Writes `M (p_i, 1)` for `points: [V, 3]` to `out: [V, N]`.
+pub(crate) fn map_points<T: Scalar, const N: usize>(
+    matrix: &[[T::Wide; 4]; N],
+    points: &[T],
+    out: &mut [T],
+) {
+    let points = points.as_chunks::<3>().0;
+    for_each_piece_mut(out, N * POINTS_PER_PIECE, |piece, out| {
+        map_piece(matrix, &points[piece * POINTS_PER_PIECE..], out.as_chunks_mut::<N>().0);
+    });
+}
+
+/// [`map_points`] of one piece.
+pub(crate) fn map_piece<T: Scalar, const N: usize>(
+    matrix: &[[T::Wide; 4]; N],
+    points: &[[T; 3]],
+    out: &mut [[T; N]],
+) {
+    let m = *matrix;
+    dispatch::<T, _>(
+        #[inline(always)]
+        || {
+            for (p, out) in points.iter().zip(out) {
+                let p = p.map(T::widen);
+                for row in 0..N {
+                    let m = m[row];
+                    out[row] = T::narrow(m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
+                }
+            }
+        },
+    );
+}
+
+/// Adds `A^T y_bar_i` for gradients `bars: [V, N]` to the gradient of the points.
+pub(crate) fn add_points_bar<T: Scalar, const N: usize>(
+    matrix: &[[T::Wide; 4]; N],
+    bars: &[T],
+    points_bar: &mut Accumulator<T>,
+) {
+    let (m, bars) = (*matrix, bars.as_chunks::<N>().0);
+    for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
+        let bars = &bars[piece * POINTS_PER_PIECE..];
+        dispatch::<T, _>(
+            #[inline(always)]
+            || {
+                for (p_bar, bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(bars) {
+                    let bar = bar.map(T::widen);
+                    for k in 0..3 {
+                        let mut sum = m[0][k] * bar[0];
+                        for row in 1..N {
+                            sum += m[row][k] * bar[row];
+                        }
+                        p_bar[k] += T::narrow(sum);
+                    }
+                }
+            },
+        );
+    });
+}
 
 /// `sum_i y_bar_i (p_i, 1)^T` over `points: [V, 3]` and gradients `bars: [V, N]`.
 pub(crate) fn moments<T: Scalar, const N: usize>(points: &[T], bars: &[T]) -> [[T::Wide; 4]; N] {
@@ -29,7 +94,7 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
 ) -> [[T::Wide; 4]; N] {
     // By columns: the gradient of a point is a vector of four, which a number multiplies.
     let mut columns = [[T::Wide::ZERO; 4]; 4];
-    crate::dispatch::dispatch::<T, _>(
+    dispatch::<T, _>(
         #[inline(always)]
         || {
             for (p, bar) in points.iter().zip(bars) {
@@ -53,18 +118,7 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
 /// `sum_i y_bar_i` over gradients `bars: [V, N]`.
 pub(crate) fn sum<T: Scalar, const N: usize>(bars: &[T]) -> [T::Wide; N] {
     let bars = bars.as_chunks::<N>().0;
-    let mut total = [T::Wide::ZERO; N];
-    let work = |range: std::ops::Range<usize>| {
-        let mut sums = [T::Wide::ZERO; N];
-        for bar in &bars[range] {
-            sums.iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar.widen());
-        }
-        sums
-    };
-    merge_ranges(bars.len(), POINTS_PER_PIECE, work, |sums: [T::Wide; N]| {
-        total.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
-    });
-    total
+    sum_rows::<T, N>(bars.len(), POINTS_PER_PIECE, |row| Some(bars[row].map(T::widen)))
 }
 
 #[cfg(test)]
