@@ -85,6 +85,7 @@ pub mod precompiled;
 mod preference;
 mod products;
 mod record;
+mod reduction;
 mod report;
 mod scalar;
 mod shape;

@@ -1,48 +1,9 @@
-//! An axis of extent 1, where a reduction removed one: `y = x`; `x_bar += y_bar`. The buffer is shared.
+//! An axis of extent 1, where a reduction removed one: a reshape.
 
 use crate::axis::with_new_axis;
 use crate::error::TensorError;
-use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
-
-struct KeepDimension {
-    axis: usize,
-}
-
-impl KeepDimension {
-    const NAME: &'static str = "keepdim";
-}
-
-impl<T: Scalar> Op<T> for KeepDimension {
-    type Saved = ();
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), TensorError> {
-        outputs.push_renamed(with_new_axis(inputs.shape(0), self.axis, 1, Self::NAME)?, 0);
-        Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        if let Some(x_bar) = gradients.get(0) {
-            x_bar.add(kept.only_upstream());
-        }
-    }
-}
 
 impl<T: Scalar> Var<'_, T> {
     /// The same entries with an axis of extent 1 before `axis`, or at the end: what a reduction along
@@ -59,7 +20,7 @@ impl<T: Scalar> Var<'_, T> {
     /// # Errors
     /// [`TensorError::Value`] where `axis` is beyond the rank.
     pub fn keepdim(self, axis: usize) -> Result<Self, TensorError> {
-        self.tape.apply(KeepDimension { axis }, &[self])
+        self.reshape(with_new_axis(&self.shape(), axis, 1, "keepdim")?)
     }
 }
 

@@ -2,82 +2,14 @@
 //!
 //! Summed and divided in [`Scalar::Wide`]. A mean of nothing is an error.
 
-use crate::axis::{blocks, reduced, spread_along, sum_along};
 use crate::error::TensorError;
-use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::reduction::Reduction;
 use crate::scalar::Scalar;
-use crate::shape::Shape;
-use crate::summation::sum;
 use crate::var::Var;
 
-struct Mean {
-    /// The axis, or all of them.
-    axis: Option<usize>,
-}
-
-impl Mean {
-    const NAME: &'static str = "mean";
-
-    /// `shape` seen as `[outer, number of entries of one mean, inner]`.
-    fn blocks(&self, shape: &Shape) -> Result<[usize; 3], TensorError> {
-        self.axis.map_or(Ok([1, shape.size(), 1]), |axis| blocks(shape, axis, Self::NAME))
-    }
-}
-
-impl<T: Scalar> Op<T> for Mean {
-    type Saved = ();
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), TensorError> {
-        let (shape, x) = (inputs.shape(0), inputs.data(0));
-        let blocks = self.blocks(shape)?;
-        let [_, count, _] = blocks;
-        if count == 0 {
-            let rule = "at least one entry to take the mean of".into();
-            return Err(TensorError::Shape { operation: Self::NAME, rule, shape: shape.clone() });
-        }
-        let count = T::Wide::from_f64(count as f64);
-        match self.axis {
-            None => {
-                let total = sum::<T>(x.len(), |k| x[k].widen());
-                outputs.push(Shape::default())[0] = T::narrow(total / count);
-            }
-            Some(axis) => {
-                let means = outputs.try_push(Self::NAME, reduced(shape, axis)?)?;
-                sum_along(x, blocks, means, |total| T::narrow(total / count));
-            }
-        }
-        Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let Some(x_bar) = gradients.get(0) else { return };
-        let m_bar = kept.only_upstream();
-        let blocks = self.blocks(kept.input_shape(0)).expect("the forward pass found the axis");
-        let [_, count, _] = blocks;
-        let count = T::from_f64(count as f64);
-        match self.axis {
-            None => {
-                let share = m_bar[0] / count;
-                x_bar.add_zipped([], |[]| share);
-            }
-            Some(_) => spread_along(m_bar, blocks, x_bar.entries(), |m_bar| m_bar / count),
-        }
-    }
+/// The mean along an axis, or of all entries.
+const fn op(axis: Option<usize>) -> Reduction {
+    Reduction { name: "mean", axis, is_mean: true }
 }
 
 impl<T: Scalar> Var<'_, T> {
@@ -86,7 +18,7 @@ impl<T: Scalar> Var<'_, T> {
     /// # Errors
     /// [`TensorError::Shape`] where there is no entry.
     pub fn mean(self) -> Result<Self, TensorError> {
-        self.tape.apply(Mean { axis: None }, &[self])
+        self.tape.apply(op(None), &[self])
     }
 
     /// The means along `axis`, which is removed from the shape.
@@ -95,13 +27,13 @@ impl<T: Scalar> Var<'_, T> {
     /// [`TensorError::Axis`] unless there is such an axis; [`TensorError::Shape`] where its extent
     /// is 0.
     pub fn mean_axis(self, axis: usize) -> Result<Self, TensorError> {
-        self.tape.apply(Mean { axis: Some(axis) }, &[self])
+        self.tape.apply(op(Some(axis)), &[self])
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::shape::Shape;
     use crate::tape::Tape;
     use crate::tensor::Tensor;
 

@@ -2,72 +2,21 @@
 //!
 //! Summed in [`Scalar::Wide`], so in `f32` a sum is rounded once. A sum of nothing is 0.
 
-use crate::axis::{blocks, reduced, spread_along, sum_along};
 use crate::error::TensorError;
-use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::reduction::Reduction;
 use crate::scalar::Scalar;
-use crate::shape::Shape;
-use crate::summation::sum;
 use crate::var::Var;
 
-struct Sum {
-    /// The axis, or all of them.
-    axis: Option<usize>,
-}
-
-impl Sum {
-    const NAME: &'static str = "sum";
-}
-
-impl<T: Scalar> Op<T> for Sum {
-    type Saved = ();
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), TensorError> {
-        let (shape, x) = (inputs.shape(0), inputs.data(0));
-        let Some(axis) = self.axis else {
-            outputs.push(Shape::default())[0] = T::narrow(sum::<T>(x.len(), |k| x[k].widen()));
-            return Ok(());
-        };
-        let blocks = blocks(shape, axis, Self::NAME)?;
-        let sums = outputs.try_push(Self::NAME, reduced(shape, axis)?)?;
-        sum_along(x, blocks, sums, T::narrow);
-        Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let Some(x_bar) = gradients.get(0) else { return };
-        let s_bar = kept.only_upstream();
-        match self.axis {
-            None => x_bar.add_zipped([], |[]| s_bar[0]),
-            Some(axis) => {
-                let blocks = blocks(kept.input_shape(0), axis, Self::NAME);
-                let blocks = blocks.expect("the forward pass found the axis");
-                spread_along(s_bar, blocks, x_bar.entries(), |s_bar| s_bar);
-            }
-        }
-    }
+/// The sum along an axis, or of all entries.
+const fn op(axis: Option<usize>) -> Reduction {
+    Reduction { name: "sum", axis, is_mean: false }
 }
 
 impl<T: Scalar> Var<'_, T> {
     /// The sum of all entries, of shape `[]`.
     #[must_use]
     pub fn sum(self) -> Self {
-        self.tape.apply(Sum { axis: None }, &[self]).expect("any entries have a sum")
+        self.tape.apply(op(None), &[self]).expect("any entries have a sum")
     }
 
     /// The sums along `axis`, which is removed from the shape.
@@ -75,7 +24,7 @@ impl<T: Scalar> Var<'_, T> {
     /// # Errors
     /// [`TensorError::Axis`] unless there is such an axis.
     pub fn sum_axis(self, axis: usize) -> Result<Self, TensorError> {
-        self.tape.apply(Sum { axis: Some(axis) }, &[self])
+        self.tape.apply(op(Some(axis)), &[self])
     }
 }
 
