@@ -42,8 +42,7 @@ fn component<T: Scalar>(x: &[T], y: &[T], i: usize) -> T::Wide {
     x[j].widen() * y[k].widen() - x[k].widen() * y[j].widen()
 }
 
-/// Calls `put(entry, component)` for the three entries of `z`: with `x × y`. Four loops call it, so that it would be
-/// inlined in none of them by itself.
+/// Calls `put(entry, component)` for the three entries of `z`: with `x × y`.
 #[inline(always)]
 fn put_product<T: Scalar>(z: &mut [T], x: &[T], y: &[T], put: &impl Fn(&mut T, T)) {
     let components = [0, 1, 2].map(|i| T::narrow(component(x, y, i)));
