@@ -5,3 +5,4 @@ mod imports;
 mod manifest;
 mod modules;
 mod operations;
+mod sizes;

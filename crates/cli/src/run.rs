@@ -133,11 +133,16 @@ fn fit_all(
         let page = page.map(|page| format!("\nReport: {page}\n")).unwrap_or_default();
         say(&format!("{}{page}", report.summary()))?;
     }
-    match &failures[..] {
+    first_of(&failures, plan.len())
+}
+
+/// What `failures` of `all` fits mean for the run.
+fn first_of(failures: &[String], all: usize) -> Result<(), Failure> {
+    match failures {
         [] => Ok(()),
-        [only] if plan.len() == 1 => Err(Failure::Work(only.clone())),
+        [only] if all == 1 => Err(Failure::Work(only.clone())),
         [first, ..] => {
-            let (count, all) = (failures.len(), plan.len());
+            let count = failures.len();
             Err(Failure::Work(format!("{count} of {all} fits failed, the first: {first}")))
         }
     }

@@ -115,22 +115,7 @@ impl LoadedMesh {
         let normals =
             joined(&parts, "normals", |geometry| geometry.normals.as_ref(), turn, &mut notes)?;
 
-        let colors_of_parts = parts.iter().flat_map(|(geometry, _)| {
-            geometry.submeshes.iter().map(move |submesh| BaseColor::new(geometry, submesh, model))
-        });
-        let mut base_colors: Vec<BaseColor> = colors_of_parts.collect();
-        base_colors.dedup();
-        let BaseColor { base_color, image } = match base_colors[..] {
-            [only] => only,
-            _ => {
-                notes.push("surfaces have several materials, which were left out".to_owned());
-                BaseColor { base_color: [1.0; 3], image: None }
-            }
-        };
-        if materials(&parts, model).any(says_more) {
-            let rest = "roughness, metallic, normal maps and opacity of materials were left out";
-            notes.push(format!("{rest}: a loaded mesh has its base colour alone"));
-        }
+        let BaseColor { base_color, image } = base_color(&parts, model, &mut notes);
         let texture = image.filter(|_| coordinates.is_some()).and_then(|k| model.images.get(k));
         let texture = texture.map(|image| {
             let texels = image.color(ColorSpace::Srgb);
@@ -148,6 +133,27 @@ impl LoadedMesh {
             notes,
         })
     }
+}
+
+/// The base colour of all parts, and notes of what a loaded mesh has not.
+fn base_color(parts: &[Part<'_>], model: &Model, notes: &mut Vec<String>) -> BaseColor {
+    let colors_of_parts = parts.iter().flat_map(|(geometry, _)| {
+        geometry.submeshes.iter().map(move |submesh| BaseColor::new(geometry, submesh, model))
+    });
+    let mut base_colors: Vec<BaseColor> = colors_of_parts.collect();
+    base_colors.dedup();
+    let all = match base_colors[..] {
+        [only] => only,
+        _ => {
+            notes.push("surfaces have several materials, which were left out".to_owned());
+            BaseColor { base_color: [1.0; 3], image: None }
+        }
+    };
+    if materials(parts, model).any(says_more) {
+        let rest = "roughness, metallic, normal maps and opacity of materials were left out";
+        notes.push(format!("{rest}: a loaded mesh has its base colour alone"));
+    }
+    all
 }
 
 /// The materials of parts.

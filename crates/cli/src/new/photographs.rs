@@ -104,20 +104,10 @@ impl Photographs {
             notes.extend(without_camera(&folder, &files, &listed.images));
         }
         // Cameras of other programs are those of the pixels as they are stored.
-        let turned: Vec<bool> = match has_cameras {
+        let turned = match has_cameras {
             true => vec![false; files.len()],
-            false => {
-                let turns = files.par_iter().map(|file| is_turned(&folder, file));
-                turns.collect::<Result<_, _>>()?
-            }
+            false => find_turned(&folder, &files, &mut notes)?,
         };
-        let turned_files = files.iter().zip(&turned).filter(|(_, turned)| **turned);
-        if let Some(names) = named(&turned_files.map(|(file, _)| file).collect::<Vec<_>>()) {
-            notes.push(format!(
-                "images were turned as viewers show them, which their Exif data say, and copied as \
-                 PNG: {names}"
-            ));
-        }
         // Images in folders of their own keep them; others get one.
         let is_nested = files.iter().all(|file| file.components().count() > 1);
         let home = copies.home(&folder, if is_nested { "" } else { "images" });
@@ -143,18 +133,14 @@ impl Photographs {
                 false => copies.add(&folder, file, &home)?,
             });
         }
-        if let Some(file) = transforms {
-            photographs.source = Source::Transforms(copies.add(&folder, file, &home)?);
-        } else if let Some(model) = model {
-            let ends = ["bin", "txt"];
-            let parts = OF_MODELS
-                .into_iter()
-                .flat_map(|name| ends.map(|end| model.join(name).with_extension(end)));
-            for path in parts.filter(|path| is_there(path)) {
-                copies.add(&folder, &path, &home)?;
+        photographs.source = match (transforms, model) {
+            (Some(file), _) => Source::Transforms(copies.add(&folder, file, &home)?),
+            (None, Some(model)) => {
+                add_model(&folder, model, &home, copies)?;
+                Source::Colmap(home.join(model), home.join(of_model))
             }
-            photographs.source = Source::Colmap(home.join(model), home.join(of_model));
-        }
+            (None, None) => Source::Nowhere,
+        };
         let named: Option<Vec<_>> = views.iter().map(|view| view.mask.clone()).collect();
         photographs.add_masks(&folder, (&files, named), &home, copies)?;
         photographs.find_opacity(&folder, &files)?;
@@ -358,4 +344,38 @@ fn sizes(
         Ok(turn.map_or(size, |turn| turn.size(size)))
     };
     files.par_iter().zip(turned).map(size).collect()
+}
+
+/// Which images are stored turned, and a note that names them.
+fn find_turned(
+    folder: &Folder,
+    files: &[PathBuf],
+    notes: &mut Vec<String>,
+) -> Result<Vec<bool>, SceneError> {
+    let turns = files.par_iter().map(|file| is_turned(folder, file));
+    let turned: Vec<bool> = turns.collect::<Result<_, _>>()?;
+    let turned_files = files.iter().zip(&turned).filter(|(_, turned)| **turned);
+    if let Some(names) = named(&turned_files.map(|(file, _)| file).collect::<Vec<_>>()) {
+        notes.push(format!(
+            "images were turned as viewers show them, which their Exif data say, and copied as PNG: \
+             {names}"
+        ));
+    }
+    Ok(turned)
+}
+
+/// Copies the files of a COLMAP model.
+fn add_model(
+    folder: &Folder,
+    model: &Path,
+    home: &Path,
+    copies: &mut Copies<'_>,
+) -> Result<(), SceneError> {
+    let ends = ["bin", "txt"];
+    let files =
+        OF_MODELS.into_iter().flat_map(|name| ends.map(|end| model.join(name).with_extension(end)));
+    for path in files.filter(|path| folder.find(path).is_ok()) {
+        copies.add(folder, &path, home)?;
+    }
+    Ok(())
 }

@@ -130,12 +130,7 @@ impl SceneFit {
         ranks: Ranks<f32>,
     ) -> Result<Self, SceneError> {
         check_views(&scene.folder, &scene.views, OF_FITTED_PIXEL)?;
-        let learnt_from: Arc<[usize]> = scene.views_with_image(false).collect();
-        if learnt_from.is_empty() {
-            let rule = "a fit has a view with an image that is not held out";
-            let message = format!("{rule}, and none of {} views is one", scene.views.len());
-            return Err(SceneError::content(Place::new(&scene.path), message));
-        }
+        let learnt_from = views_to_learn_from(&scene)?;
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
         let Learnt { parameters, rates, regularizers, preconditioners } =
             Learnt::from_scene(renderer.scene())?;
@@ -407,6 +402,17 @@ fn resumed(
         true => Ok(fit),
         false => Err(FitError::saved(format!("the scene's parameters, {expected}"), found).into()),
     }
+}
+
+/// The views with an image that is not held out.
+fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneError> {
+    let views: Arc<[usize]> = scene.views_with_image(false).collect();
+    if views.is_empty() {
+        let rule = "a fit has a view with an image that is not held out";
+        let message = format!("{rule}, and none of {} views is one", scene.views.len());
+        return Err(SceneError::content(Place::new(&scene.path), message));
+    }
+    Ok(views)
 }
 
 #[cfg(test)]

@@ -97,7 +97,6 @@ struct Cut {
 impl Cut {
     fn new(points: &[DVec3], ears: &mut Earcut<f64>) -> Self {
         let count = points.len();
-        let next = |k: usize| if k + 1 < count { k + 1 } else { 0 };
         let from_first = |k: usize| points[k] - points[0];
         let doubled: DVec3 = (1..count).map(|k| from_first(k - 1).cross(from_first(k))).sum();
         let [least, most] = points
@@ -129,20 +128,7 @@ impl Cut {
             if normal[axis] > 0.0 { DVec2::new(x, y) } else { DVec2::new(y, x) }
         };
         let flat: Vec<DVec2> = (0..count).map(|k| seen(from_first(k))).collect();
-        let mut sides =
-            (0..count).map(|k| flat[next(k)] - flat[k]).filter(|side| *side != DVec2::ZERO);
-        let mut turned = 0.0;
-        let mut is_convex = true;
-        if let Some(first) = sides.next() {
-            let mut last = first;
-            for side in sides.chain([first]) {
-                let sine = last.perp_dot(side);
-                is_convex &= sine >= -STRAIGHT * last.length() * side.length();
-                // Back along the same line is half a turn.
-                turned += sine.atan2(last.dot(side)).abs();
-                last = side;
-            }
-        }
+        let (is_convex, turned) = turns(&flat);
         if is_convex {
             // A star turns twice.
             return Self { triangles: None, is_bent, crosses: turned > 1.5 * TAU };
@@ -162,6 +148,24 @@ impl Cut {
         let crosses = triangles.len() != count - 2 || (covered - area).abs() > COVERED * area;
         Self { triangles: Some(triangles).filter(|_| !crosses), is_bent, crosses }
     }
+}
+
+/// Whether a polygon turns to one side alone, and the sum of the angles by which it turns.
+fn turns(corners: &[DVec2]) -> (bool, f64) {
+    let ends = corners.iter().skip(1).chain(corners.first());
+    let sides = corners.iter().zip(ends).map(|(&start, &end)| end - start);
+    let mut sides = sides.filter(|side| *side != DVec2::ZERO);
+    let (mut is_convex, mut turned) = (true, 0.0);
+    let Some(first) = sides.next() else { return (is_convex, turned) };
+    let mut last = first;
+    for side in sides.chain([first]) {
+        let sine = last.perp_dot(side);
+        is_convex &= sine >= -STRAIGHT * last.length() * side.length();
+        // Back along the same line is half a turn.
+        turned += sine.atan2(last.dot(side)).abs();
+        last = side;
+    }
+    (is_convex, turned)
 }
 
 /// The triangles with the corners of straight sides that they lack, where each such side is that of one.

@@ -65,6 +65,8 @@ pub(super) struct Welder {
 
 impl Welder {
     /// The welded mesh, or nothing where no face is left.
+    ///
+    /// In one piece: faces that are left out take their rows and submeshes with them.
     pub(super) fn weld(
         &mut self,
         raw: Raw<'_>,

@@ -28,22 +28,7 @@ pub fn ply(
     check(geometry)?;
     let unwelded = Unwelded::new(geometry);
     let Geometry { positions, offset, colors, coordinates, normals, submeshes, .. } = geometry;
-    // The materials of its faces, each with the number of its image, and the files of images.
-    let (mut used, mut files) = (Vec::new(), Vec::new());
-    let mut numbers = vec![-1; materials.len()];
-    for number in geometry.materials().flatten().filter(|_| !materials.is_empty()) {
-        check_number("material", number, materials.len())?;
-        if numbers[number] >= 0 {
-            continue;
-        }
-        numbers[number] = used.len() as i32;
-        let material = &materials[number];
-        let file = material.base_color_map.image.and_then(&image);
-        // A line feed would begin another line of the header.
-        let file = file.filter(|file| !file.contains(char::is_control));
-        used.push((material, if file.is_some() { files.len() as i32 } else { -1 }));
-        files.extend(file);
-    }
+    let Materials { used, numbers, files } = Materials::new(geometry, materials, image)?;
     let mut bytes = header(geometry, &unwelded, used.len(), &files).into_bytes();
     let is_far = *offset != DVec3::ZERO;
     for &[position, color, coordinate, normal, _] in &unwelded.vertices {
@@ -83,6 +68,41 @@ pub fn ply(
         }
     }
     Ok(bytes)
+}
+
+/// The materials of faces.
+struct Materials<'m> {
+    /// Each with the number of its image, or -1.
+    used: Vec<(&'m MaterialFile, i32)>,
+    /// The place of each material of the model among `used`, or -1.
+    numbers: Vec<i32>,
+    /// Those of images.
+    files: Vec<String>,
+}
+
+impl<'m> Materials<'m> {
+    fn new(
+        geometry: &Geometry,
+        materials: &'m [MaterialFile],
+        image: impl Fn(usize) -> Option<String>,
+    ) -> Result<Self, SceneError> {
+        let (mut used, mut files) = (Vec::new(), Vec::new());
+        let mut numbers = vec![-1; materials.len()];
+        for number in geometry.materials().flatten().filter(|_| !materials.is_empty()) {
+            check_number("material", number, materials.len())?;
+            if numbers[number] >= 0 {
+                continue;
+            }
+            numbers[number] = used.len() as i32;
+            let material = &materials[number];
+            let file = material.base_color_map.image.and_then(&image);
+            // A line feed would begin another line of the header.
+            let file = file.filter(|file| !file.contains(char::is_control));
+            used.push((material, if file.is_some() { files.len() as i32 } else { -1 }));
+            files.extend(file);
+        }
+        Ok(Self { used, numbers, files })
+    }
 }
 
 /// The header of a file with so many `materials`, whose images are in these files.

@@ -193,6 +193,7 @@ impl Normals {
 }
 
 impl Tangents {
+    /// In one piece: one walk over the corners fills all lists.
     fn new(parts: &Parts, scene: &Scene, corners: &Mesh) -> Result<Self, SceneError> {
         let objects = &scene.objects;
         let (mut rows, mut faces, mut indices, mut shown) = (vec![], vec![], vec![], vec![]);

@@ -61,6 +61,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
+    /// In one piece: a match over the keywords of statements.
     pub(super) fn read(text: &str, context: &mut MeshContext<'_>) -> Result<Self, SceneError> {
         let mut parts = Self::default();
         let (mut object, mut objects, mut material) = (String::new(), 0_usize, None);

@@ -102,6 +102,8 @@ pub(super) struct Header {
 
 impl Header {
     /// That of a file with these bytes.
+    ///
+    /// In one piece: a match over the keywords of lines.
     pub(super) fn read(bytes: &[u8], context: &MeshContext<'_>) -> Result<Self, SceneError> {
         let refused = |message: String| context.error(message);
         if !bytes.starts_with(b"ply") {
