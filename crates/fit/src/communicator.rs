@@ -130,9 +130,9 @@ pub fn agree<T, E: From<FitError> + ToString>(
         if rank == ranks.rank() {
             own?;
         }
-        let said = all[rank].get(1..).unwrap_or_default();
-        let said = String::from_utf8_lossy(said).into_owned();
-        return Err(FitError::Elsewhere { rank, said }.into());
+        let message = all[rank].get(1..).unwrap_or_default();
+        let message = String::from_utf8_lossy(message).into_owned();
+        return Err(FitError::Elsewhere { rank, message }.into());
     }
     all.iter_mut().for_each(|said| *said = said.split_off(1));
     Ok(all)
@@ -196,7 +196,7 @@ pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), Fi
     let first = first.chunks_exact(2).map(|pair| (pair[0].clone(), pair[1].clone())).collect();
     let found = differences(own, &first);
     let message = found.first().map_or(Vec::new(), |found| {
-        joined(&[&found.name, described(found.own.as_ref()), described(found.other.as_ref())])
+        joined(&[&found.name, described(found.this.as_ref()), described(found.other.as_ref())])
     });
     let all = ranks.gather(&message);
     let Some(rank) = all.iter().position(|message| !message.is_empty()) else { return Ok(()) };

@@ -97,12 +97,12 @@ pub enum FitError {
         error: Box<FitError>,
     },
     /// Another rank of the job had an error.
-    #[error("rank {rank}: {said}")]
+    #[error("rank {rank}: {message}")]
     Elsewhere {
         /// The rank: of several, the first.
         rank: usize,
         /// What it said.
-        said: String,
+        message: String,
     },
     /// Ranks of a job have other parameters than the first one.
     #[error("all ranks need the same parameters, got others on rank {rank} at step {step}")]
@@ -171,14 +171,14 @@ pub enum FitError {
     },
     /// A file could not be read or written.
     #[cfg(feature = "save")]
-    #[error("{path} could not be {done}: {said}", path = path.display())]
+    #[error("{path} could not be {done}: {message}", path = path.display())]
     File {
         /// The file.
         path: std::path::PathBuf,
         /// What should have been done to it: "read" or "written".
         done: &'static str,
         /// What the file system said.
-        said: String,
+        message: String,
     },
     /// A setting breaks its rule.
     #[error("{setting} needs {rule}, got {value}")]

@@ -10,22 +10,22 @@ pub type Given = BTreeMap<String, String>;
 pub struct Difference {
     /// The file or setting.
     pub name: String,
-    /// What the one has; `None` where it has none.
-    pub own: Option<String>,
-    /// What the other has.
+    /// What this fit has; `None` where it has none.
+    pub this: Option<String>,
+    /// What the other fit has; likewise.
     pub other: Option<String>,
 }
 
 /// What differs between two fits, by name.
-pub fn differences(own: &Given, other: &Given) -> Vec<Difference> {
-    let others = other.keys().filter(|name| !own.contains_key(*name));
-    let mut names: Vec<_> = own.keys().chain(others).collect();
+pub fn differences(this: &Given, other: &Given) -> Vec<Difference> {
+    let others = other.keys().filter(|name| !this.contains_key(*name));
+    let mut names: Vec<_> = this.keys().chain(others).collect();
     names.sort_unstable();
-    let of = |name: &String| {
-        let (own, other) = (own.get(name).cloned(), other.get(name).cloned());
-        (own != other).then(|| Difference { name: name.clone(), own, other })
+    let difference = |name: &String| {
+        let (this, other) = (this.get(name).cloned(), other.get(name).cloned());
+        (this != other).then(|| Difference { name: name.clone(), this, other })
     };
-    names.into_iter().filter_map(of).collect()
+    names.into_iter().filter_map(difference).collect()
 }
 
 /// What a fit has under a name, in words.
@@ -47,7 +47,7 @@ mod tests {
         let found = differences(&own, &given(&[("b", "2"), ("c", "4"), ("d", "5")]));
         let words: Vec<_> = found
             .iter()
-            .map(|own| (&*own.name, described(own.own.as_ref()), described(own.other.as_ref())))
+            .map(|one| (&*one.name, described(one.this.as_ref()), described(one.other.as_ref())))
             .collect();
         let expected = [("a", "1", "nothing"), ("c", "3", "4"), ("d", "nothing", "5")];
         assert_eq!(words, expected);

@@ -48,7 +48,7 @@ impl Origin {
     /// where stages were changed that are done, before `stage`.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
         let refused = |rule: &str, found: &Difference| {
-            let (before, other) = (described(found.own.as_ref()), described(found.other.as_ref()));
+            let (before, other) = (described(found.this.as_ref()), described(found.other.as_ref()));
             FitError::saved(format!("{rule}: {}, {before}", found.name), other)
         };
         if let Some(found) = differences(&self.starts, &now.starts).first() {
@@ -62,7 +62,7 @@ impl Origin {
             return Err(refused("the stages that are done as they were", found));
         }
         let words = changed.into_iter().map(|found| {
-            let (was, is) = (described(found.own.as_ref()), described(found.other.as_ref()));
+            let (was, is) = (described(found.this.as_ref()), described(found.other.as_ref()));
             format!("{}: {is} from now on, and {was} before", found.name)
         });
         Ok(words.collect())

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, by weights or a mask too |
 //! | `entrywise` | functions of one number, entry by entry |
+//! | `pair` | what two images have in common that are compared |
 //! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
 //! | `silhouette` | intersection over union of soft masks |
 //! | `depth` | absolute errors of depths, up to scale and shift |
@@ -15,6 +16,7 @@ mod entrywise;
 mod halved;
 mod metrics;
 mod multiscale_ssim;
+mod pair;
 mod penalty;
 mod pyramid;
 mod silhouette;

@@ -13,6 +13,8 @@
 
 use bokashi_core::{Scalar, TensorError, Var};
 
+use crate::losses::pair::check_pair;
+
 /// 1 minus the intersection over union of two soft masks of any one shape, with entries from 0 to 1:
 /// silhouettes, coverage; returns `[]`. It is 0 where both are equal and hard, or both are empty.
 ///
@@ -23,12 +25,7 @@ pub fn silhouette_error<'t, T: Scalar>(
     mask: Var<'t, T>,
     reference: Var<'t, T>,
 ) -> Result<Var<'t, T>, TensorError> {
-    let shape = mask.shape();
-    if shape != reference.shape() {
-        let (operation, rule) = ("silhouette_error", "two masks of one shape".into());
-        let shapes = Box::new([shape, reference.shape()]);
-        return Err(TensorError::Mismatch { operation, rule, shapes });
-    }
+    check_pair("silhouette_error", "two masks of one shape", [mask, reference])?;
     let outside = |x: Var<'t, T>| x.affine(-T::ONE, T::ONE);
     let apart = mask.try_mul(outside(reference))?.try_add(reference.try_mul(outside(mask))?)?.sum();
     let either = mask.try_mul(reference)?.sum().try_add(apart)?;

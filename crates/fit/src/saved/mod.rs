@@ -152,7 +152,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), FitError> {
 }
 
 fn file_error(path: &Path, done: &'static str, error: &io::Error) -> FitError {
-    FitError::File { path: path.to_owned(), done, said: error.to_string() }
+    FitError::File { path: path.to_owned(), done, message: error.to_string() }
 }
 
 /// Bytes that are no file of this format.
