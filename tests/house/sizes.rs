@@ -35,7 +35,7 @@ fn functions(text: &str) -> Vec<(String, usize, String)> {
         let end = format!("{indent}}}");
         // A function of a trait without a body ends with its signature.
         let has_body = |line: &&str| line.ends_with('{') || line.ends_with(';');
-        let Some(signature) = lines[first..].iter().position(|line| has_body(line)) else {
+        let Some(signature) = lines[first..].iter().position(has_body) else {
             continue;
         };
         if lines[first + signature].ends_with(';') {

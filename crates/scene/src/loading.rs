@@ -73,12 +73,7 @@ impl LoadedMesh {
         let parts = model.placed.iter();
         let parts: Vec<Part<'_>> =
             parts.map(|parts| (&model.geometries[parts.geometry], parts.transform)).collect();
-        let corners =
-            parts.iter().map(|(geometry, _)| geometry.positions.len() + geometry.faces.len());
-        let corners = corners.map(|count| count as u64).sum::<u64>();
-        let what = || format!("a mesh of {corners} vertices and faces");
-        Memory::default().check(corners.saturating_mul(OF_CORNER), place, what)?;
-
+        check_memory(&parts, place)?;
         let (mut points, mut faces) = (Vec::<DVec3>::new(), Vec::new());
         for (geometry, matrix) in &parts {
             let first = points.len() as u32;
@@ -133,6 +128,14 @@ impl LoadedMesh {
             notes,
         })
     }
+}
+
+/// Checks that memory holds the mesh of all parts.
+fn check_memory(parts: &[Part<'_>], place: &Place) -> Result<(), SceneError> {
+    let corners = parts.iter().map(|(geometry, _)| geometry.positions.len() + geometry.faces.len());
+    let corners = corners.map(|count| count as u64).sum::<u64>();
+    let what = || format!("a mesh of {corners} vertices and faces");
+    Memory::default().check(corners.saturating_mul(OF_CORNER), place, what)
 }
 
 /// The base colour of all parts, and notes of what a loaded mesh has not.

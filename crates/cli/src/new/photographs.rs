@@ -73,20 +73,8 @@ impl Photographs {
     /// What is wrong with the folder or its files; [`SceneError::Content`] for a folder without images.
     pub(super) fn read(images: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
         let folder = Folder::new(images)?;
-        let is_there = |path: &Path| folder.find(path).is_ok();
-        let transforms = TRANSFORMS.into_iter().map(Path::new).find(|path| is_there(path));
-        let (model, several) =
-            find_model(&folder).map_or((None, None), |(path, note)| (Some(path), note));
-        let model = model.as_deref();
-        let of_model = match folder.find("images").is_ok_and(|found| found.is_dir()) {
-            true => Path::new("images"),
-            false => Path::new(""),
-        };
-        let CameraFile { views, notes: of_cameras } = match (transforms, model) {
-            (Some(file), _) => read_transforms(&folder, file)?,
-            (None, Some(model)) => read_colmap(&folder, model, of_model)?,
-            (None, None) => CameraFile::default(),
-        };
+        let Cameras { transforms, model, images: of_model, views, notes: of_cameras } =
+            Cameras::read(&folder)?;
         let has_cameras = transforms.is_some() || model.is_some();
         let listed = Listed::of(&folder)?;
         let mut notes: Vec<_> = listed.left_out().into_iter().collect();
@@ -120,12 +108,7 @@ impl Photographs {
             mask_folder: home.join("masks"),
             has_opacity: false,
             cameras: views.iter().map(|view| view.camera).collect(),
-            notes: several
-                .into_iter()
-                .filter(|_| transforms.is_none())
-                .chain(of_cameras)
-                .chain(notes)
-                .collect(),
+            notes: of_cameras.into_iter().chain(notes).collect(),
         };
         for (file, turned) in files.iter().zip(turned) {
             photographs.images.push(match turned {
@@ -136,7 +119,7 @@ impl Photographs {
         photographs.source = match (transforms, model) {
             (Some(file), _) => Source::Transforms(copies.add(&folder, file, &home)?),
             (None, Some(model)) => {
-                add_model(&folder, model, &home, copies)?;
+                add_model(&folder, &model, &home, copies)?;
                 Source::Colmap(home.join(model), home.join(of_model))
             }
             (None, None) => Source::Nowhere,
@@ -344,6 +327,39 @@ fn sizes(
         Ok(turn.map_or(size, |turn| turn.size(size)))
     };
     files.par_iter().zip(turned).map(size).collect()
+}
+
+/// What other programs know of the cameras of a folder of images.
+struct Cameras {
+    transforms: Option<&'static Path>,
+    /// A model of COLMAP's, where there is one.
+    model: Option<PathBuf>,
+    /// The folder of its images.
+    images: &'static Path,
+    views: Vec<NamedView>,
+    notes: Vec<String>,
+}
+
+impl Cameras {
+    /// Those of `transforms.json`, else of a model; none where there is neither.
+    fn read(folder: &Folder) -> Result<Self, SceneError> {
+        let is_there = |path: &&Path| folder.find(path).is_ok();
+        let transforms = TRANSFORMS.into_iter().map(Path::new).find(is_there);
+        let (model, several) =
+            find_model(folder).map_or((None, None), |(path, note)| (Some(path), note));
+        let images = match folder.find("images").is_ok_and(|found| found.is_dir()) {
+            true => Path::new("images"),
+            false => Path::new(""),
+        };
+        let CameraFile { views, notes } = match (transforms, &model) {
+            (Some(file), _) => read_transforms(folder, file)?,
+            (None, Some(model)) => read_colmap(folder, model, images)?,
+            (None, None) => CameraFile::default(),
+        };
+        let several = several.filter(|_| transforms.is_none());
+        let notes = several.into_iter().chain(notes).collect();
+        Ok(Self { transforms, model, images, views, notes })
+    }
 }
 
 /// Which images are stored turned, and a note that names them.

@@ -135,8 +135,8 @@ impl SceneFit {
         let Learnt { parameters, rates, regularizers, preconditioners } =
             Learnt::from_scene(renderer.scene())?;
         let description = &renderer.scene().description;
-        let structure = description.loss.ssim.is_some_and(|share| share.0 > 0.0);
-        let is_dense = renderer.is_dense() || structure;
+        let is_dense =
+            renderer.is_dense() || description.loss.ssim.is_some_and(|share| share.0 > 0.0);
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
         check_stages(renderer.scene(), &rates)?;
         let stages = stages(description);
@@ -154,8 +154,7 @@ impl SceneFit {
             let rule = format!("one of the scene's {} stages", stages.len());
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
         };
-        let (first, seed) = (first.clone(), description.seed);
-        let settings = settings(&first);
+        let (first, seed, settings) = (first.clone(), description.seed, settings(first));
         let mut fit = match saved_fit {
             Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
             None => Fit::new(parameters, settings)?,
