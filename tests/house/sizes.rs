@@ -1,5 +1,5 @@
-//! No function has more than 60 lines, unless its header says why it stays in one piece. (Entries of the
-//! catalogue are lists.)
+//! No function of the crates has more than 60 lines, unless its header says why it stays in one piece. (Entries
+//! of the catalogue are lists, and studies of the laboratory columns of tables.)
 
 use std::fs;
 use std::path::{Path, PathBuf};

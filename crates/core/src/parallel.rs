@@ -262,6 +262,13 @@ mod tests {
             });
             assert!((0..length).all(|i| a[i] == i / 10));
             assert!(b.iter().enumerate().all(|(k, &b)| b == k));
+            // Without a second array, too.
+            let mut none: [usize; 0] = [];
+            for_each_two_pieces_mut(&mut a, &mut none, [10, 0], |k, a, none| {
+                a.fill(k + 1);
+                assert!(none.is_empty());
+            });
+            assert!((0..length).all(|i| a[i] == i / 10 + 1));
         }
     }
 

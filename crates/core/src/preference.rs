@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use crate::scalar::Scalar;
 
-/// The share of the upstream gradient that goes to `input`: all of it where `own` compares to
+/// The share of the upstream gradient that goes to `input`: all of it where `input` compares to
 /// `other` as `preferred`, half where they are equal, NaN where one is NaN.
 #[inline(always)]
 pub(crate) fn share<T: Scalar>(input: T, other: T, preferred: Ordering) -> T {

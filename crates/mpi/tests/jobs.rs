@@ -548,7 +548,7 @@ fn no_fit_of_a_sweep_begins_after_a_signal_and_those_under_way_are_saved() {
         let said = job.failed().said;
         assert!(said.contains("interrupted with 0 of 5 fits done"), "{whom}: {said}");
         for fit in [0, 1] {
-            let said = fs::read_to_string(at(fit).join("said.txt")).unwrap();
+            let said = fs::read_to_string(at(fit).join("errors.txt")).unwrap();
             assert!(said.contains("interrupted after "), "{whom}: {said}");
         }
         assert!(!at(2).exists(), "{whom}");

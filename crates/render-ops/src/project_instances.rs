@@ -301,6 +301,16 @@ mod tests {
     }
 
     #[test]
+    fn more_rows_than_a_mesh_can_have_are_refused_before_memory_is_taken() {
+        let tape = Tape::<f32>::new();
+        let positions = tape.leaf_full([1 << 16, 3], 0.5);
+        let matrices = tape.leaf_full([1 << 15, 4, 4], 0.5);
+        let error = project_instances(positions, matrices, tape.leaf_full([4, 4], 1.0));
+        let message = error.unwrap_err().to_string();
+        assert!(message.ends_with(&(1_u64 << 31).to_string()), "{message}");
+    }
+
+    #[test]
     fn instances_are_projected_as_each_would_be_alone() {
         // Blocks and pieces of more than a mesh, and of less.
         for (instances, vertices) in [(1, 1), (3, 5), (40, 300), (2, POINTS_PER_PIECE + 70)] {

@@ -83,7 +83,7 @@ impl Cell {
     fn field(&self) -> String {
         match self {
             Self::Text(words) | Self::Strong(words) | Self::Flagged(words) => {
-                match words.contains(['"', ',', '\n']) {
+                match words.contains(['"', ',', '\n', '\r']) {
                     true => format!("\"{}\"", words.replace('"', "\"\"")),
                     false => words.clone(),
                 }
@@ -180,7 +180,9 @@ impl Table {
     /// As Markdown, columns of even width.
     pub fn markdown(&self) -> String {
         let head = self.columns.iter().map(|(title, _)| (*title).to_owned()).collect();
-        let shown = self.rows.iter().map(|row| row.iter().map(Cell::shown).collect());
+        // What would end a cell or a row.
+        let cell = |cell: &Cell| cell.shown().replace('|', "\\|").replace(['\n', '\r'], " ");
+        let shown = self.rows.iter().map(|row| row.iter().map(cell).collect());
         let lines: Vec<Vec<String>> = std::iter::once(head).chain(shown).collect();
         let width = |column: usize| {
             let cells = lines.iter().filter_map(|line: &Vec<String>| line.get(column));

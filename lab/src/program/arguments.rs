@@ -52,7 +52,7 @@ pub(crate) struct Files {
     /// File for what was found as JSON; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
-    /// Folder of the report to add a page and its CSV files to [default: no page]
+    /// Folder of the report to add a page to, and CSV files of tables that have names [default: no page]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 }

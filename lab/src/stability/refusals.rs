@@ -38,5 +38,8 @@ fn compare<'a, E: ToString>(
             messages.push(line);
         }
     }
+    if messages.is_empty() {
+        return Ok(Verdict::failed("nothing was refused".to_owned()));
+    }
     Ok(Verdict { outcome: messages.join("\n"), pass: true, error: None, bound: None })
 }

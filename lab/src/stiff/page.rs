@@ -81,14 +81,9 @@ fn sections(study: &Study) -> Vec<Section> {
     ]
 }
 
-/// Seven optimizers, six colours: the seventh is dashed.
-fn stroke(at: usize) -> Stroke {
-    if at < PALETTE.len() { Stroke::Solid } else { Stroke::Dashed }
-}
-
 fn legend(solvers: &[Solver<'_>]) -> Vec<(String, &'static str, Stroke)> {
     let line = |(at, solver): (usize, &Solver<'_>)| {
-        (solver.optimizer.to_owned(), PALETTE[at % PALETTE.len()], stroke(at))
+        (solver.optimizer.to_owned(), PALETTE[at % PALETTE.len()], Stroke::Solid)
     };
     solvers.iter().enumerate().map(line).collect()
 }
@@ -108,7 +103,7 @@ fn error_panels(solvers: &[Solver<'_>], problem: usize) -> [Figure; 2] {
                 let spent = if by_time { moment.seconds } else { moment.gradient_evaluations };
                 (spent, moment.error)
             });
-            Some(Curve::line(at, stroke(at), points))
+            Some(Curve::line(at, Stroke::Solid, points))
         });
         Figure::new(&*name, x, Scale::Logarithmic, curves)
     })
@@ -133,7 +128,7 @@ fn profile_panels(solvers: &[Solver<'_>], cost: Cost) -> [Figure; LEVELS_SHOWN.l
     LEVELS_SHOWN.map(|level| {
         let all = profiles(solvers, level, cost);
         let curves = all.into_iter().enumerate();
-        let curves = curves.map(|(at, steps)| Curve::line(at, stroke(at), staircase(&steps)));
+        let curves = curves.map(|(at, steps)| Curve::line(at, Stroke::Solid, staircase(&steps)));
         let title = format!("Share solved to 1e-{level}");
         Figure::new(title, (Scale::Logarithmic, x_title), Scale::Linear, curves)
     })

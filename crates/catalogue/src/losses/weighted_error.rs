@@ -5,6 +5,7 @@ use bokashi_check::{Case, Input, subject};
 use bokashi_fit::{Penalty, masked_error, weighted_error};
 use proptest::prelude::*;
 
+use crate::benchmark::benchmark;
 use crate::entry::Entry;
 use crate::inputs::{leaf, with_one};
 use crate::references::{MANY, ROWS, SMALL, kinked, large, laws, pair, two_of_three};
@@ -44,5 +45,8 @@ pub(crate) fn entry() -> Entry {
     let many = large(&[MANY, MANY, ROWS]);
     entry.check(laws("weighted Huber error", WeightedHuber, weighted().boxed(), many));
     entry.check(laws("masked error", Masked, pair(SMALL, number()), large(&[MANY; 2])));
+    benchmark!(entry, "mean_squared_error, weighted", |s| [s.image, s.aliased, s.image], |x| {
+        weighted_error(x[0], x[1], x[2], Penalty::Squared)?
+    });
     entry
 }

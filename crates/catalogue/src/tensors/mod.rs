@@ -155,6 +155,7 @@ operation!(sub
 operation!(mul
     { mul: pair(number(), number()), |x| x[0].try_mul(x[1])?, large [MANY, MANY],
         refuses "mul needs shapes that broadcast, got [4, 1] and [3, 3]" [&[4, 1][..], &[3, 3]] }
+    { mul_of_a_number_and_many: pair(number(), number()), |x| x[0].try_mul(x[1])?, large [&[], MANY] }
     { square_by_one_input_twice: one(number()), |x| x[0].try_mul(x[0])? }
     "mul": |s| [s.signed, s.positive], |x| x[0].try_mul(x[1])?;
 );
@@ -175,7 +176,7 @@ operation!(minimum
 
 operation!(maximum
     { maximum: pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
-        |x| kinked(x[0].maximum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, MANY],
+        |x| kinked(x[0].maximum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [&[16_461, 3], &[1, 3]],
         refuses "maximum needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
     "maximum": |s| [s.signed, s.positive], |x| x[0].maximum(x[1])?;
 );

@@ -101,7 +101,7 @@ fn only_get_is_allowed_and_bodies_are_refused() {
         assert!(answer.starts_with("HTTP/1.1 405 Method Not Allowed\r\n"), "{method}: {answer}");
         assert!(answer.contains("\r\nAllow: GET\r\n"), "{method}");
     }
-    // However long a body is message to be, no memory is set aside for it.
+    // However long a body is said to be, no memory is set aside for it.
     for length in ["3", "1000000000000000", "99999999999999999999999", "-1", "x"] {
         let request = |method| {
             format!("{method} / HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\nabc")

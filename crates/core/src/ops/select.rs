@@ -34,46 +34,46 @@ impl Select {
         common(&common(self.mask.shape(), sides[0])?, sides[1])
     }
 
-    /// Adds `z_bar` where the mask is `side` to the gradient of the side of shape `branch`.
+    /// Adds `z_bar` where the mask is `side` to the gradient of the side of shape `side_shape`.
     fn add<T: Scalar>(
         &self,
-        own_bar: &mut Accumulator<T>,
-        branch: &Shape,
+        side_bar: &mut Accumulator<T>,
+        side_shape: &Shape,
         (z_bar, full): (&[T], &Shape),
         side: bool,
     ) {
         let truth = self.mask.data();
-        let all = axes([full, branch, self.mask.shape()]);
-        if branch != full {
+        let all = axes([full, side_shape, self.mask.shape()]);
+        if side_shape != full {
             let all = all.map(|(extent, [k, i, m])| (extent, [i, k, m]));
-            return add_over_copies(own_bar.entries(), all, |[_, k, m]| {
+            return add_over_copies(side_bar.entries(), all, |[_, k, m]| {
                 if truth[m] == side { z_bar[k].widen() } else { T::Wide::ZERO }
             });
         }
-        let (own_bar, fresh) = own_bar.entries_or_fresh();
+        let (side_bar, fresh) = side_bar.entries_or_fresh();
         let walk = Walk::new(all.map(|(extent, [k, _, m])| (extent, [k, m])));
-        let add = |own_bar: &mut T, truth: bool, z_bar: T| {
+        let add = |side_bar: &mut T, truth: bool, z_bar: T| {
             let term = if truth == side { z_bar } else { T::ZERO };
-            *own_bar = if fresh { term } else { *own_bar + term };
+            *side_bar = if fresh { term } else { *side_bar + term };
         };
         if let &[(columns, [1, 0]), (_, [_, 1])] = walk.axes() {
-            for_each_line_mut(own_bar, columns, [z_bar], |row, own_bar, [z_bar]| {
+            for_each_line_mut(side_bar, columns, [z_bar], |row, side_bar, [z_bar]| {
                 let truth = truth[row];
-                own_bar
+                side_bar
                     .iter_mut()
                     .zip(z_bar)
-                    .for_each(|(own_bar, &z_bar)| add(own_bar, truth, z_bar));
+                    .for_each(|(side_bar, &z_bar)| add(side_bar, truth, z_bar));
             });
             return;
         }
         let [_, step] = walk.steps();
-        walk.rows_mut(own_bar, |own_bar, [k, m]| {
-            let own_bar = own_bar.iter_mut().zip(&z_bar[k..]);
+        walk.rows_mut(side_bar, |side_bar, [k, m]| {
+            let side_bar = side_bar.iter_mut().zip(&z_bar[k..]);
             if step == 1 {
-                own_bar.zip(&truth[m..]).for_each(|((bar, &z_bar), &t)| add(bar, t, z_bar));
+                side_bar.zip(&truth[m..]).for_each(|((bar, &z_bar), &t)| add(bar, t, z_bar));
             } else {
-                let own_bar = own_bar.enumerate();
-                own_bar.for_each(|(k, (bar, &z_bar))| add(bar, truth[m + k * step], z_bar));
+                let side_bar = side_bar.enumerate();
+                side_bar.for_each(|(k, (bar, &z_bar))| add(bar, truth[m + k * step], z_bar));
             }
         });
     }

@@ -26,6 +26,7 @@ pub use self::depth::{DepthAlignment, depth_error};
 pub use self::halved::halved;
 pub use self::metrics::{iou, psnr, ssim};
 pub use self::multiscale_ssim::multiscale_ssim_error;
+pub(crate) use self::penalty::sum_over_count;
 pub use self::penalty::{Penalty, masked_error, mean_error, weighted_error};
 pub use self::pyramid::pyramid_error;
 pub use self::silhouette::silhouette_error;

@@ -4,12 +4,12 @@
 //! `L = sum_p w_p sum_c f(x_pc - r_pc) / (C sum_p w_p)`, summed in [`Scalar::Wide`]; without weights,
 //! the mean of all entries. Where `w_p` is 0 nothing is read of p: neither NaN nor infinity comes
 //! through. Where all weights are 0, L is 0 and has no gradient. Squares are taken in the precision of the
-//! images: in `f32` that of a difference above 1.8e19 is infinite.
+//! images: in `f32` that of a difference above 1.8e19 is infinite. Weights are divided by their sum first.
 //!
 //! # Cost
-//! In `f32`, with both gradients, squared errors take 0.61 of the instructions of a backward pass by hand, the
-//! other penalties 0.39 to 0.70, masked errors 0.88 and weighted ones 0.72. They hold some images more until
-//! the step ends.
+//! In `f32`, with both gradients, squared errors take 0.61 of the instructions of a backward pass by hand,
+//! absolute ones 0.49, Charbonnier's 0.70 and masked squares 0.88. They hold some images more until the step
+//! ends.
 //!
 //! # Where it is not smooth
 //! The absolute error where `x = r`: its slope there is taken as 0, the middle of the subgradients.
@@ -97,10 +97,7 @@ impl Penalty {
             Self::Squared => Ok(difference.square()),
             Self::Absolute => Ok(difference.abs()),
             Self::Huber { delta } => {
-                // With c = d within the bounds: c (d - c / 2) is d^2 / 2, and beyond them the line.
-                let delta = T::from_f64(delta);
-                let within = difference.clamp(-delta, delta)?;
-                within.try_mul(difference.try_sub(within * T::from_f64(0.5))?)
+                Ok(entrywise::apply(difference, Huber(T::Wide::from_f64(delta))))
             }
             Self::Charbonnier { scale } => {
                 Ok(entrywise::apply(difference, Charbonnier(T::Wide::from_f64(scale))))
@@ -110,6 +107,31 @@ impl Penalty {
                 let root = entrywise::apply(image.detach(), Hypotenuse(leg));
                 Ok(difference.try_div(root)?.square())
             }
+        }
+    }
+}
+
+/// `d^2 / 2` up to `|d| = delta`, and from there on the line. A product of tensors would take the slope of the
+/// line as `delta + 0 d`, which is NaN where d is infinite.
+struct Huber<S>(S);
+
+impl<S: Scalar> Function<S> for Huber<S> {
+    const NAME: &'static str = "huber";
+
+    #[inline(always)]
+    fn value(&self, d: S) -> S {
+        let (half, size) = (S::from_f64(0.5), d.abs());
+        if size > self.0 { self.0 * (size - half * self.0) } else { half * d * d }
+    }
+
+    #[inline(always)]
+    fn slope(&self, d: S) -> S {
+        if d > self.0 {
+            self.0
+        } else if d < -self.0 {
+            -self.0
+        } else {
+            d
         }
     }
 }
@@ -152,6 +174,7 @@ impl<S: Scalar> Function<S> for Hypotenuse<S> {
         larger * (a * a + b * b).sqrt()
     }
 
+    /// Not asked for today: the denominator is held fixed.
     #[inline(always)]
     fn slope(&self, x: S) -> S {
         x / self.value(x)
@@ -249,8 +272,11 @@ pub fn weighted_error<'t, T: Scalar>(
     let constant = constant.is_finite().select(constant, zero)?;
     let errors = shown.select(shown_errors(image, reference, &shown, penalty)?, constant)?;
     let total = weights.sum() * T::from_f64(inner as f64);
-    let sum = weights.try_mul(errors)?.sum();
-    if total.item() > T::ZERO { sum.try_div(total) } else { Ok(sum * T::ZERO) }
+    if total.item() <= T::ZERO {
+        return Ok(weights.try_mul(errors)?.sum() * T::ZERO);
+    }
+    // Shares first: products of large weights and large errors would leave the range of the numbers.
+    Ok(weights.try_div(total)?.try_mul(errors)?.sum())
 }
 
 /// Checks weights that each stand for `inner` entries.
@@ -296,8 +322,18 @@ pub fn masked_error<'t, T: Scalar>(
     let reference = reference.reshape([rows, inner])?;
     let errors = shown_errors(image, reference, &mask.reshaped([rows, 1])?, penalty)?;
     // Of nothing the sum is 0, and has no gradient.
-    let count = (mask.count() * inner).max(1);
-    errors.sum().try_div(image.tape().constant_scalar(T::from_f64(count as f64)))
+    sum_over_count(errors, (mask.count() * inner).max(1))
+}
+
+/// `sum / count`. The sum is divided before it is rounded to T, so it may be beyond the range of T.
+pub(crate) fn sum_over_count<T: Scalar>(
+    errors: Var<'_, T>,
+    count: usize,
+) -> Result<Var<'_, T>, TensorError> {
+    match errors.shape().size() {
+        0 => Ok(errors.sum()),
+        size => Ok(errors.mean()? * T::from_f64(size as f64 / count as f64)),
+    }
 }
 
 #[cfg(test)]
@@ -438,6 +474,45 @@ mod tests {
             let ratio = 2.0 * scale / root;
             approx::assert_relative_eq!(loss.item(), ratio * ratio, max_relative = 1e-14);
             approx::assert_relative_eq!(slope, 2.0 * ratio / root, max_relative = 1e-14);
+        }
+    }
+
+    #[test]
+    fn of_a_weight_of_0_nothing_is_read_beside_weights_above_it() {
+        let x = Tensor::from([f64::NAN, f64::INFINITY, 3.0, 1.0]);
+        for penalty in ALL {
+            let tape = Tape::new();
+            let (image, reference) = (tape.leaf(&x), tape.leaf_full([4], 0.5));
+            let weights = tape.leaf(&Tensor::from([0.0, -0.0, 2.0, 6.0]));
+            let loss = weighted_error(image, reference, weights, penalty).unwrap();
+            let [three, one] = [3.0, 1.0].map(|x| expected(penalty, x, 0.5));
+            let mean = 0.25 * three[0] + 0.75 * one[0];
+            approx::assert_relative_eq!(loss.item(), mean, max_relative = 1e-14);
+            let gradients = loss.backward().unwrap();
+            let slopes = [0.0, 0.0, 0.25 * three[1], 0.75 * one[1]];
+            for (found, slope) in gradients.get_or_zeros(image).data().iter().zip(slopes) {
+                approx::assert_relative_eq!(*found, slope, epsilon = 1e-15);
+            }
+            assert!(gradients.get_or_zeros(weights).is_finite());
+        }
+    }
+
+    #[test]
+    fn the_line_has_its_slope_at_infinity_and_large_sums_have_a_mean() {
+        let tape = Tape::<f32>::new();
+        let x = tape.leaf(&Tensor::from([f32::INFINITY, f32::NEG_INFINITY, 1e38]));
+        let zero = tape.leaf_full([3], 0.0);
+        let loss = mean_error(x, zero, Penalty::Huber { delta: 0.5 }).unwrap();
+        let slopes = loss.backward().unwrap().get_or_zeros(x);
+        assert_eq!(slopes.data(), [0.5, -0.5, 0.5].map(|slope: f32| slope / 3.0));
+        let (many, none) = (tape.leaf_full([10_000], 1e35), tape.leaf_full([10_000], 0.0));
+        let shown = Mask::full([10_000], true);
+        let weights = tape.leaf_full([10_000], 1e30);
+        for loss in [
+            masked_error(many, none, &shown, Penalty::Absolute),
+            weighted_error(many, none, weights, Penalty::Absolute),
+        ] {
+            approx::assert_relative_eq!(loss.unwrap().item(), 1e35, max_relative = 1e-6);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Intersection over union of soft masks, composed of tensor operations.
 //!
 //! # Formula
-//! `L = 1 - I / U`, with `I = sum a b` and `U = sum (a + b - a b)`, summed in [`Scalar::Wide`]. Where U is
+//! `L = 1 - I / U`, with `I = sum a b` and `U = sum (a + b - a b)`. Where U is
 //! not above 0, as for two empty masks, L is 0 and has no gradient: they agree.
 //!
 //! Computed as `L = D / (I + D)` with `D = sum (a (1 - b) + b (1 - a))`, where nothing cancels. In `f32` it takes

@@ -194,6 +194,29 @@ fn held<S: Scalar>(number: S, low: f64, high: f64) -> S {
 }
 
 impl Ssim {
+    /// Refuses images and a peak that have no similarity.
+    fn check(
+        &self,
+        [shape, y_shape]: [&Shape; 2],
+        operation: &'static str,
+    ) -> Result<(), TensorError> {
+        if shape != y_shape {
+            let rule = "two images of one shape".into();
+            let shapes = Box::new([shape.clone(), y_shape.clone()]);
+            return Err(TensorError::Mismatch { operation, rule, shapes });
+        }
+        if !matches!(**shape, [h, w, c] if h.min(w) >= WINDOW && c > 0) {
+            let rule = "images [H, W, C] of at least 11 x 11 pixels, C > 0".into();
+            return Err(TensorError::Shape { operation, rule, shape: shape.clone() });
+        }
+        let constants = self.constants::<f64>();
+        if !(self.peak > 0.0 && constants.into_iter().all(|c| c.is_normal())) {
+            let (rule, value) = ("a peak above 0 whose square is a number".into(), self.peak);
+            return Err(TensorError::Value { operation, rule, value });
+        }
+        Ok(())
+    }
+
     /// `s` of moments, and A of x, A of y, B and C.
     #[inline(always)]
     fn similarity<S: Scalar>(
@@ -287,31 +310,6 @@ impl Ssim {
                 }
             }
         });
-    }
-}
-
-impl Ssim {
-    /// Refuses images and a peak that have no similarity.
-    fn check(
-        &self,
-        [shape, y_shape]: [&Shape; 2],
-        operation: &'static str,
-    ) -> Result<(), TensorError> {
-        if shape != y_shape {
-            let rule = "two images of one shape".into();
-            let shapes = Box::new([shape.clone(), y_shape.clone()]);
-            return Err(TensorError::Mismatch { operation, rule, shapes });
-        }
-        if !matches!(**shape, [h, w, c] if h.min(w) >= WINDOW && c > 0) {
-            let rule = "images [H, W, C] of at least 11 x 11 pixels, C > 0".into();
-            return Err(TensorError::Shape { operation, rule, shape: shape.clone() });
-        }
-        let constants = self.constants::<f64>();
-        if !(self.peak > 0.0 && constants.into_iter().all(|c| c.is_normal())) {
-            let (rule, value) = ("a peak above 0 whose square is a number".into(), self.peak);
-            return Err(TensorError::Value { operation, rule, value });
-        }
-        Ok(())
     }
 }
 

@@ -16,7 +16,7 @@
 
 use bokashi_core::{Scalar, TensorError, Var};
 
-use crate::losses::Penalty;
+use crate::losses::{Penalty, sum_over_count};
 
 const NAME: &str = "total_variation";
 
@@ -47,10 +47,9 @@ pub fn total_variation<T: Scalar>(
         let extent = shape[axis];
         let next = texture.slice(axis, 1..extent)?;
         let difference = next.try_sub(texture.slice(axis, 0..extent - 1)?)?;
-        Ok::<_, TensorError>(penalty.apply(next, difference)?.sum())
+        sum_over_count(penalty.apply(next, difference)?, shape.size())
     };
-    let count = texture.tape().constant_scalar(T::from_f64(shape.size() as f64));
-    along(0)?.try_add(along(1)?)?.try_div(count)
+    along(0)?.try_add(along(1)?)
 }
 
 #[cfg(test)]

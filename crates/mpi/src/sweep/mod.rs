@@ -53,7 +53,7 @@ impl Running {
         let folder = out.join(name);
         let failed = |error: std::io::Error| format!("it could not be started: {error}");
         fs::create_dir_all(&folder).map_err(failed)?;
-        let errors = File::create(folder.join("said.txt")).map_err(failed)?;
+        let errors = File::create(folder.join("errors.txt")).map_err(failed)?;
         let mut command = Command::new(std::env::current_exe().map_err(failed)?);
         let paper = paper.then_some("paper");
         command.arg(ALONE).args(paper).arg("fit").args(arguments).arg("--quiet");
@@ -69,7 +69,7 @@ impl Running {
             Ok(None) => return None,
             Ok(Some(status)) if status.success() => None,
             Ok(Some(status)) => {
-                let text = fs::read_to_string(self.folder.join("said.txt")).unwrap_or_default();
+                let text = fs::read_to_string(self.folder.join("errors.txt")).unwrap_or_default();
                 let text = text.trim().trim_start_matches("bokashi-mpi: ");
                 let start =
                     (0..=text.len().min(MOST_SAID)).rev().find(|&at| text.is_char_boundary(at));

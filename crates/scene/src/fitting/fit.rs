@@ -391,9 +391,9 @@ fn resumed(
         .collect();
     let fit = Fit::from_bytes_with(bytes, &by_name)?;
     let shapes = |list: &Parameters<f32>| {
-        let all = list.iter().map(|preconditioner| {
-            format!("{} {}", preconditioner.name(), preconditioner.raw().shape())
-        });
+        let all = list
+            .iter()
+            .map(|parameter| format!("{} {}", parameter.name(), parameter.raw().shape()));
         all.collect::<Vec<_>>().join(", ")
     };
     let (expected, found) = (shapes(fresh), shapes(fit.parameters()));

@@ -58,7 +58,7 @@ impl Notes {
     }
 }
 
-/// That what has these names was left out: `the statements "a" and "b" whose a material were left out`.
+/// That what has these names was left out: `the statements "a" and "b" of a material were left out`.
 pub(super) fn left_out(what: [&str; 2], names: &[&str], whose: &str) -> String {
     let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|name| quoted(name)).collect();
     let more = match names.len() - quoted.len() {

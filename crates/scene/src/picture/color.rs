@@ -3,6 +3,8 @@
 //! The curve of sRGB is that of IEC 61966-2-1: `x = y / 12.92` up to `y = 0.04045`, and
 //! `x = ((y + 0.055) / 1.055)^2.4` from there on; with the sign below 0.
 
+use std::cell::LazyCell;
+
 use bokashi_core::{Shape, Tensor};
 use bokashi_render_ops::RenderError;
 
@@ -101,11 +103,13 @@ impl Picture {
     ) -> Tensor<f32> {
         match &self.samples {
             Samples::U8(samples) => {
-                let [srgb, linear] =
-                    [ColorSpace::Srgb, ColorSpace::Linear].map(ColorSpace::decoded_bytes);
+                // Powers are taken for images that need them.
+                let [srgb, linear] = [ColorSpace::Srgb, ColorSpace::Linear]
+                    .map(|space| LazyCell::new(move || space.decoded_bytes()));
                 Tensor::from_flat_fn(shape, |k| {
-                    let byte = usize::from(samples[index(k)]);
-                    match space(index(k)) {
+                    let at = index(k);
+                    let byte = usize::from(samples[at]);
+                    match space(at) {
                         ColorSpace::Srgb => srgb[byte],
                         ColorSpace::Linear => linear[byte],
                     }

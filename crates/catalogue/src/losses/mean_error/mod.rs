@@ -20,6 +20,15 @@ pub(crate) fn entry() -> Entry {
     benchmark!(entry, "mean_absolute_error", |s| [s.image, s.aliased], |x| {
         mean_error(x[0], x[1], Penalty::Absolute)?
     });
+    benchmark!(entry, "mean_huber_error", |s| [s.image, s.aliased], |x| {
+        mean_error(x[0], x[1], Penalty::Huber { delta: 0.5 })?
+    });
+    benchmark!(entry, "mean_charbonnier_error", |s| [s.image, s.aliased], |x| {
+        mean_error(x[0], x[1], Penalty::Charbonnier { scale: 0.5 })?
+    });
+    benchmark!(entry, "mean_relative_error", |s| [s.image, s.aliased], |x| {
+        mean_error(x[0], x[1], Penalty::Relative { epsilon: 0.01 })?
+    });
     entry
 }
 

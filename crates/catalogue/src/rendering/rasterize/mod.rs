@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{depth, rasterize};
+use bokashi_render_ops::{RasterOptions, Sampling, depth, rasterize};
 use proptest::prelude::*;
 
 use crate::benchmark::benchmark;
@@ -29,6 +29,10 @@ pub(crate) fn entry() -> Entry {
     }
     benchmark!(entry, "rasterize", |s| [s.clip], |x| rasterize(x[0], &s.mesh, s.size)?
         .barycentrics);
+    benchmark!(entry, "rasterize, exact", |s| [s.clip], |x| {
+        let options = RasterOptions::new(s.size).sampling(Sampling::Exact).creases(&[]);
+        rasterize(x[0], &s.mesh, options)?.barycentrics
+    });
     entry
 }
 

@@ -135,7 +135,7 @@ impl<S: Scalar> Parts<S> {
         });
     }
 
-    /// The extent of the parts `parts`, of the area `area`, under the density 1 / t; where it `spreads`,
+    /// The extent of `parts`, whose area is `area`, under the density 1 / t; where it `spreads`,
     /// all of it.
     #[inline(always)]
     pub(super) fn extent(
