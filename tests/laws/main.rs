@@ -8,3 +8,4 @@ mod fits;
 mod golden;
 mod metamorphic;
 mod prelude;
+mod references;

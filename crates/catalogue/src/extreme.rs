@@ -105,26 +105,3 @@ impl Verdict {
 pub(crate) fn keep_error<V, E: Display>(result: Result<V, E>) -> Result<(), String> {
     result.map(drop).map_err(|error| error.to_string())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_an_error_within_the_bound_passes() {
-        assert!(Verdict::within("", 1.0, 1.0).pass);
-        for (error, bound) in [(1.1, 1.0), (f64::NAN, 1.0), (f64::INFINITY, 1.0), (1.0, f64::NAN)] {
-            assert!(!Verdict::within("", error, bound).pass);
-        }
-        assert_eq!(Verdict::exactly("none", 3).outcome, "off by 3.0e0 from: none");
-        let verdict = Verdict::exactly("right", 0).and(false, "late");
-        assert_eq!((verdict.pass, &*verdict.outcome), (false, "right; but late"));
-    }
-
-    #[test]
-    fn only_the_expected_message_is_a_refusal() {
-        let refused = |result| Verdict::refused(vec![(result, "no".to_owned())]);
-        assert!(refused(Err("no".to_owned())).pass);
-        assert!(!refused(Err("yes".to_owned())).pass && !refused(Ok(())).pass);
-    }
-}

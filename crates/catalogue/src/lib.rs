@@ -22,13 +22,13 @@ mod inputs;
 mod losses;
 mod materials;
 mod measures;
-mod oracle;
 mod references;
 mod rendering;
 mod surfaces;
 mod tensors;
 
 pub mod blends;
+pub mod oracle;
 pub mod scenes;
 pub mod setting;
 

@@ -12,10 +12,13 @@ pub(crate) const STEPS: i64 = 64;
 /// Points on a grid of 1/64 px. In an image whose sides are powers of two, up to 256, their clip
 /// coordinates are exact in both precisions.
 #[derive(Debug, Clone)]
-pub(crate) struct GridScene {
-    pub(crate) points: Vec<[i64; 2]>,
-    pub(crate) faces: Vec<[u32; 3]>,
-    pub(crate) size: Size,
+pub struct GridScene {
+    /// In steps of the grid.
+    pub points: Vec<[i64; 2]>,
+    /// By the indices of points.
+    pub faces: Vec<[u32; 3]>,
+    /// In pixels.
+    pub size: Size,
 }
 
 impl GridScene {
@@ -27,7 +30,7 @@ impl GridScene {
 
     /// How many faces cover each pixel centre: in whole numbers, the centre moved by a little to
     /// the right and by far less downwards, so that it lies on no edge.
-    pub(crate) fn layers(&self) -> Vec<usize> {
+    pub fn layers(&self) -> Vec<usize> {
         let Size { width, height } = self.size;
         let mut layers = vec![0; width * height];
         for &face in &self.faces {
@@ -164,19 +167,4 @@ pub(crate) fn antialiased(
     }
     let out = |(value, [share, sum]): (&f64, [f64; 2])| value + sum / share.max(1.0);
     image.iter().zip(moved).map(out).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_square_cut_in_two_covers_its_pixels_once_in_whole_numbers() {
-        // From the centre of pixel (1, 1) to that of pixel (3, 3): top and left belong to it.
-        let [low, high] = [96, 224];
-        let points = vec![[low, low], [high, low], [high, high], [low, high]];
-        let scene = GridScene { points, faces: vec![[0, 1, 2], [0, 3, 2]], size: Size::square(4) };
-        let expected = [0, 0, 0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 0, 0, 0];
-        assert_eq!(scene.layers(), expected);
-    }
 }

@@ -7,7 +7,9 @@ use std::ops::Range;
 
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{RasterOptions, Sampling, depth, rasterize};
+use bokashi_render_ops::{
+    Background, RasterOptions, Sampling, composite, depth, interpolate, rasterize,
+};
 use proptest::prelude::*;
 
 use crate::benchmark::benchmark;
@@ -29,9 +31,11 @@ pub(crate) fn entry() -> Entry {
     }
     benchmark!(entry, "rasterize", |s| [s.clip], |x| rasterize(x[0], &s.mesh, s.size)?
         .barycentrics);
-    benchmark!(entry, "rasterize, exact", |s| [s.clip], |x| {
-        let options = RasterOptions::new(s.size).sampling(Sampling::Exact).creases(&[]);
-        rasterize(x[0], &s.mesh, options)?.barycentrics
+    // The number of pieces depends on the precision, a picture's shape does not.
+    benchmark!(entry, "rasterize, exact", |s| [s.clip, s.colors], |x| {
+        let options = RasterOptions::new(s.size).sampling(Sampling::Exact);
+        let fragments = rasterize(x[0], &s.mesh, options.creases(&[x[1].into()]))?;
+        composite(interpolate(x[1], &fragments)?, &fragments, Background::Zero)?.image()?
     });
     entry
 }
