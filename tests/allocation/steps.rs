@@ -193,9 +193,10 @@ fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
 /// Operations that return lists, of levels or of layers.
 const LISTS: [&str; 4] = ["mipmaps", "sample_texture", "sample_cube_map", "composite_layers"];
 
-/// What makes something in each step: a matrix, a reference image, tapes of parts. The first two have steps of
-/// their own below.
-const MAKING: [&str; 3] = ["sparse_product", "squared_error, a picture", "sum_over"];
+/// What makes something in each step: a matrix, a reference image, a list of creases, tapes of parts. All but the
+/// last have steps of their own below.
+const MAKING: [&str; 4] =
+    ["sparse_product", "squared_error, a picture", "rasterize, exact", "sum_over"];
 
 #[test]
 fn a_steady_step_of_every_operation_allocates_nothing() {

@@ -132,6 +132,28 @@ fn every_pixel_is_the_double_sum_over_its_window() {
     });
 }
 
+/// Backward is the adjoint of forward, and the slope in sigma the difference quotient. (The catalogue draws small
+/// images; on a long line sums cancel, beyond what the law of curvature allows.)
+#[test]
+fn a_window_that_sees_a_whole_long_line_has_the_laws_of_any_other() {
+    for border in [Border::Mirror, Border::Clamp, Border::Zero] {
+        let blur = Blur { border, ..Blur::default() };
+        for (shape, sigma) in [([1, 900, 1], 3.6e3), ([9000, 1, 1], 5e3)] {
+            let (image, out_bar) = (numbers::<f64>(shape, 23), numbers::<f64>(shape, 24));
+            let (image_bar, sigma_bar) = gradients(&image, sigma, &blur, &out_bar);
+            let out = blurred(&image, sigma, &blur);
+            let size = dot(&image, &image).sqrt() * dot(&out_bar, &out_bar).sqrt();
+            let difference = dot(&out, &out_bar) - dot(&image, &image_bar);
+            assert!(difference.abs() <= 1e-12 * size, "{difference} {border:?} {shape:?}");
+            let at = |sigma: f64| dot(&blurred(&image, sigma, &blur), &out_bar);
+            let h = 0.01 * sigma;
+            let quotient = |h: f64| (at(sigma + h) - at(sigma - h)) / (2.0 * h);
+            let richardson = (4.0 * quotient(0.5 * h) - quotient(h)) / 3.0;
+            approx::assert_relative_eq!(sigma_bar, richardson, epsilon = 1e-8 * size / sigma);
+        }
+    }
+}
+
 #[test]
 fn pieces_of_a_large_image_join_without_a_seam() {
     // Several pieces, whose borders lie within rows.
