@@ -203,7 +203,7 @@ fn a_steady_step_of_every_operation_allocates_nothing() {
     let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     // One piece of work and several.
     for (around, along, pixels) in [(12, 7, 32), (90, 60, 160)] {
-        let setting = Arc::new(Setting::of_sphere(around, along, pixels).unwrap());
+        let setting = Arc::new(Setting::with_sphere(around, along, pixels).unwrap());
         let benchmarks = ENTRIES.iter().flat_map(|entry| entry().benchmarks().to_vec());
         for benchmark in benchmarks.filter(|benchmark| !MAKING.contains(&benchmark.label())) {
             let case = benchmark.case(&setting);

@@ -36,7 +36,7 @@ fn bits<T: Number>(tensors: &[Tensor<T>]) -> Vec<u64> {
 
 fn assert_same_bits<T: Number>() {
     // Several pieces of work: vertices, faces, pixels and entries.
-    let setting = Arc::new(Setting::of_sphere(120, 90, 192).unwrap());
+    let setting = Arc::new(Setting::with_sphere(120, 90, 192).unwrap());
     let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let pools = [1, 2, 3, 7].map(pool);
     for benchmark in benchmarks() {

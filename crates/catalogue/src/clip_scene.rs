@@ -19,7 +19,7 @@ pub(crate) struct ClipScene {
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
+pub(crate) struct PixelFace {
     pub(crate) face: u32,
     pub(crate) uv: [f64; 2],
     pub(crate) depth: f64,
@@ -28,7 +28,7 @@ pub(crate) struct Seen {
 /// What each pixel sees, row by row from the top, and which faces were not drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Drawn {
-    pub(crate) pixels: Vec<Option<Seen>>,
+    pub(crate) pixels: Vec<Option<PixelFace>>,
     pub(crate) culled: Culled,
 }
 
@@ -118,7 +118,7 @@ impl ClipScene {
         let coverage = &fragments.coverage;
         let (uv, depth) = (fragments.barycentrics.value(), depth(&fragments)?.value());
         let faces: Vec<_> = coverage.faces().collect();
-        let seen = |n: usize| Seen {
+        let seen = |n: usize| PixelFace {
             face: faces[n] as u32,
             uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
             depth: depth.data()[n].to_f64(),

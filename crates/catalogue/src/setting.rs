@@ -75,16 +75,16 @@ impl Setting {
     /// A sphere of 1024 faces in `pixels` x `pixels`, a multiple of 4 from 32 up.
     ///
     /// # Errors
-    /// As [`Self::of_sphere`].
+    /// As [`Self::with_sphere`].
     pub fn new(pixels: usize) -> Result<Self, Refusal> {
-        Self::of_sphere(32, 17, pixels)
+        Self::with_sphere(32, 17, pixels)
     }
 
     /// A [`sphere`] of `around` x `along` quads in `pixels` x `pixels`, a multiple of 4 from 32 up.
     ///
     /// # Errors
     /// What an operation refuses: an image without pixels.
-    pub fn of_sphere(around: usize, along: usize, pixels: usize) -> Result<Self, Refusal> {
+    pub fn with_sphere(around: usize, along: usize, pixels: usize) -> Result<Self, Refusal> {
         let (faces, positions) = sphere(0.8, around, along);
         let positions = single(positions);
         let count = positions.shape()[0];

@@ -104,12 +104,12 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
     }
     // A single one looks along a line.
     if cameras.len() > 1 {
-        findings.whole(stands(cameras));
+        findings.whole(standpoints(cameras));
     }
 }
 
 /// Where several cameras stand, and what all of them see.
-fn stands(cameras: &[Camera]) -> Section {
+fn standpoints(cameras: &[Camera]) -> Section {
     let mut section = Section::new("where cameras stand");
     let eyes: Vec<DVec3> = cameras.iter().map(eye).collect();
     let least = eyes.iter().copied().fold(DVec3::INFINITY, DVec3::min);

@@ -115,7 +115,7 @@ mod tests {
         })
     }
 
-    fn found(x: &Tensor<f64>, y: &Tensor<f64>, levels: Option<usize>) -> f64 {
+    fn loss(x: &Tensor<f64>, y: &Tensor<f64>, levels: Option<usize>) -> f64 {
         let tape = Tape::new();
         multiscale_ssim_error(tape.leaf(x), tape.leaf(y), 1.0, levels).unwrap().item()
     }
@@ -143,10 +143,10 @@ mod tests {
                 mean.powf(printed[level] / totals[levels - 1])
             });
             let expected = 1.0 - product.product::<f64>();
-            let error = found(&x, &y, Some(levels));
+            let error = loss(&x, &y, Some(levels));
             approx::assert_relative_eq!(error, expected, max_relative = 1e-12);
         }
-        assert_eq!(found(&x, &y, None), found(&x, &y, Some(5)));
+        assert_eq!(loss(&x, &y, None), loss(&x, &y, Some(5)));
     }
 
     #[test]
@@ -154,8 +154,8 @@ mod tests {
         let (x, y) = (image(20, 1), image(20, 2));
         let tape = Tape::new();
         let single = ssim_error(tape.leaf(&x), tape.leaf(&y), 1.0).unwrap().item();
-        approx::assert_relative_eq!(found(&x, &y, Some(1)), single, max_relative = 1e-12);
-        approx::assert_relative_eq!(found(&x, &y, None), single, max_relative = 1e-12);
+        approx::assert_relative_eq!(loss(&x, &y, Some(1)), single, max_relative = 1e-12);
+        approx::assert_relative_eq!(loss(&x, &y, None), single, max_relative = 1e-12);
         let extents = [10, 11, 20, 21, 40, 41, 80, 81, 160, 161, 9000];
         assert_eq!(extents.map(most_levels), [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]);
     }

@@ -4,7 +4,7 @@ use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, from_fn};
 use bokashi_render_ops::{Size, depth, rasterize};
 
-use crate::clip_scene::{ClipScene, Rendered, Seen, not_finite, orders};
+use crate::clip_scene::{ClipScene, PixelFace, Rendered, not_finite, orders};
 use crate::extreme::{Extreme, Failure, Outcome, Verdict, extremes, keep_error};
 use crate::measures::{largest, rounding};
 use crate::oracle::compare;
@@ -128,7 +128,7 @@ fn with_weight<T: Scalar>(face: [[f64; 3]; 3], factors: [f64; 3]) -> Result<(usi
         wrong +=
             weighted.differs_from(&plain.pixels.iter().map(Option::is_some).collect::<Vec<_>>());
         for (seen, plain) in weighted.pixels.iter().zip(&plain.pixels) {
-            let (Some(seen), Some(Seen { uv: [u, v], depth, .. })) = (seen, plain) else {
+            let (Some(seen), Some(PixelFace { uv: [u, v], depth, .. })) = (seen, plain) else {
                 continue;
             };
             let b = [u * shares[order[0] as usize], v * shares[order[1] as usize]];

@@ -60,7 +60,7 @@ fn from_any_side<T: Scalar>() -> Outcome {
 }
 
 /// Radiance, and the gradients of roughness and metallic.
-fn of_material<T: Scalar>(roughness: f64, metallic: f64) -> Result<[Vec<f64>; 2], Failure> {
+fn light_and_slopes<T: Scalar>(roughness: f64, metallic: f64) -> Result<[Vec<f64>; 2], Failure> {
     let tape = Tape::<T>::new();
     let surface = Surface {
         normals: rows(&tape, &[[0.0, 0.0, 1.0], [0.1, -0.2, 1.0]]),
@@ -80,15 +80,15 @@ fn beyond_the_range<T: Scalar>() -> Outcome {
     let mut wrong = 0;
     let bounds = [(LEAST_ROUGHNESS, [0.0, -1.0, -1e30]), (1.0, [1.001, 7.0, 1e30])];
     for (bound, beyond) in bounds {
-        let [at, _] = of_material::<T>(bound, 0.5)?;
+        let [at, _] = light_and_slopes::<T>(bound, 0.5)?;
         for roughness in beyond {
-            let [found, bars] = of_material::<T>(roughness, 0.5)?;
+            let [found, bars] = light_and_slopes::<T>(roughness, 0.5)?;
             wrong += usize::from(found != at || bars[0] != 0.0);
         }
     }
     for (bound, beyond) in [(0.0, -1e30), (1.0, 1e30)] {
-        let [at, _] = of_material::<T>(0.5, bound)?;
-        let [found, bars] = of_material::<T>(0.5, beyond)?;
+        let [at, _] = light_and_slopes::<T>(0.5, bound)?;
+        let [found, bars] = light_and_slopes::<T>(0.5, beyond)?;
         wrong += usize::from(found != at || bars[1] != 0.0);
     }
     Ok(Verdict::exactly("the nearest material, without a gradient", wrong))

@@ -87,7 +87,7 @@ fn crossing_faces<T: Scalar>() -> Outcome {
     ] {
         checked.add::<T>(&scene, smooth)?;
     }
-    Ok(checked.found::<T>("each face up to the line, with its slope", 1e-9))
+    Ok(checked.verdict::<T>("each face up to the line, with its slope", 1e-9))
 }
 
 fn crowded<T: Scalar>() -> Outcome {

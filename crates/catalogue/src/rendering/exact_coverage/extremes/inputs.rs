@@ -56,7 +56,7 @@ fn behind_the_eye<T: Scalar>() -> Outcome {
             checked.add::<T>(&ClipScene::new(&clip, &[order], SIZE), true)?;
         }
     }
-    Ok(checked.found::<T>("each with its area and slope", 1e-13))
+    Ok(checked.verdict::<T>("each with its area and slope", 1e-13))
 }
 
 fn wide_range_of_w<T: Scalar>() -> Outcome {
@@ -100,7 +100,7 @@ fn ends_of_the_depth_range<T: Scalar>() -> Outcome {
         }
     }
     Ok(checked
-        .found::<T>("the part within the range, with its slope; all in its planes", 1e-13)
+        .verdict::<T>("the part within the range, with its slope; all in its planes", 1e-13)
         .and(missing == 0, format!("{missing} pixels in a plane are missing"))
         .and(wrong == 0, "a number is not finite"))
 }

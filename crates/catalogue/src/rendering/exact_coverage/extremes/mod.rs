@@ -179,7 +179,7 @@ impl Checked {
     }
 
     /// Areas within `bound`, or the rounding of `T` where that is more.
-    fn found<T: Scalar>(self, outcome: &str, bound: f64) -> Verdict {
+    fn verdict<T: Scalar>(self, outcome: &str, bound: f64) -> Verdict {
         let Self { error, slope, parts, wrong, sampled, partial } = self;
         let outcome = format!("{partial} boundary pixels, {outcome}");
         // Difference quotients are off by 1e-6 where an area's second derivative leaps.

@@ -38,7 +38,7 @@ fn slivers<T: Scalar>() -> Outcome {
         Picture::new::<T>(&ClipScene::new(&narrow, &[[0, 1, 2]], SIZE))?.covered()[3 * 7 + 3];
     let off = (found / area - 1.0).abs();
     Ok(checked
-        .found::<T>("each sliver with its area", 1e-13)
+        .verdict::<T>("each sliver with its area", 1e-13)
         .and(off < 1e-6, format!("an area of {area:.1e} px is off by {off:.1e} of it")))
 }
 
@@ -72,7 +72,7 @@ fn on_pixel_borders<T: Scalar>() -> Outcome {
         }
     }
     Ok(checked
-        .found::<T>("exact; all sides' slope", 8e-15)
+        .verdict::<T>("exact; all sides' slope", 8e-15)
         .and(steps <= 64.0 * rounding::<T>(), format!("a face's slope is off by {steps:.1e}")))
 }
 
@@ -155,7 +155,7 @@ fn smaller_than_a_pixel<T: Scalar>() -> Outcome {
             checked.add::<T>(&tetrahedron(center, radius, SIZE), true)?;
         }
     }
-    Ok(checked.found::<T>("each closed mesh with its area and slope", 1e-12))
+    Ok(checked.verdict::<T>("each closed mesh with its area and slope", 1e-12))
 }
 
 fn turning_edge_on<T: Scalar>() -> Outcome {
@@ -169,7 +169,7 @@ fn turning_edge_on<T: Scalar>() -> Outcome {
         deep.clip[2][2] = 0.9;
         checked.add::<T>(&deep, power < 12)?;
     }
-    Ok(checked.found::<T>("areas down to 0; finite gradients", 1e-13))
+    Ok(checked.verdict::<T>("areas down to 0; finite gradients", 1e-13))
 }
 
 fn seams_everywhere<T: Scalar>() -> Outcome {
@@ -209,7 +209,7 @@ fn strips_and_single_pixels<T: Scalar>() -> Outcome {
                 .add::<T>(&ClipScene::from_px(&points, &[order], Size { width, height }), true)?;
         }
     }
-    Ok(checked.found::<T>("each with its area and slope", 1e-13))
+    Ok(checked.verdict::<T>("each with its area and slope", 1e-13))
 }
 
 fn sides_and_edges<T: Scalar>() -> Outcome {
