@@ -12,7 +12,7 @@ use super::{bench, models, stability, stiff};
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     let report: &[&str] = match &request.command {
         Command::Stability(_) => &["stability.html"],
-        Command::Stiff(_) => &["stiff.html", "stiff-runs.csv"],
+        Command::Stiff(_) => &["stiff.html", "stiff-conditions.csv", "stiff-runs.csv"],
         Command::Bench(bench) if bench.command.is_none() => &["bench.html"],
         Command::Bench(_) => &["elision.html", "elision-rows.csv"],
         Command::Models(_) => &[],

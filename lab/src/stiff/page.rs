@@ -60,7 +60,7 @@ fn sections(study: &Study) -> Vec<Section> {
              an objective alone 1/2. Every optimizer has a line, however it ended; a line ends where its \
              run did.",
         );
-        section.push_table(problem_table(id, solvers));
+        section.push_table(problem_table(solvers));
         let count = solvers.first().map_or(0, |solver| solver.runs.len());
         for problem in 0..count {
             section.push_figures(Figures::new(error_panels(solvers, problem), legend(solvers)));

@@ -13,12 +13,13 @@ fn has_rates(solver: &Solver<'_>) -> bool {
     solver.runs.iter().any(|run| run.rate.is_some())
 }
 
-/// The share of problems that each optimizer solves to each level.
+/// The share of problems that each optimizer solves to each level. Its marks are for people: programs have the
+/// table of runs.
 pub(super) fn shares_table(solvers: &[Solver<'_>]) -> Table {
     const TITLES: [&str; LEVELS] = ["1e-1", "1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7", "1e-8"];
     let columns = std::iter::once(("optimizer", "optimizer")).chain(TITLES.map(|to| (to, to)));
     let title = "Problems solved to a level, %; *: the best of its rates on each problem";
-    let mut table = Table::new("shares", title, &columns.collect::<Vec<_>>());
+    let mut table = Table::new("", title, &columns.collect::<Vec<_>>());
     for solver in solvers {
         let star = if has_rates(solver) { " *" } else { "" };
         let name = Cell::text(format!("{}{star}", solver.optimizer));
@@ -40,13 +41,13 @@ fn short(optimizer: &'static str) -> &'static str {
     }
 }
 
-/// The error of each optimizer on each problem.
-pub(super) fn problem_table(name: &'static str, solvers: &[Solver<'_>]) -> Table {
+/// The error of each optimizer on each problem, for people as well.
+pub(super) fn problem_table(solvers: &[Solver<'_>]) -> Table {
     let title = "Error as a power of ten; d: diverged, f: failed, c: converged by its own test, none: \
                  budget spent";
     let optimizers = solvers.iter().map(|solver| (short(solver.optimizer), solver.optimizer));
     let columns = std::iter::once(("problem", "problem")).chain(optimizers);
-    let mut table = Table::new(name, title, &columns.collect::<Vec<_>>());
+    let mut table = Table::new("", title, &columns.collect::<Vec<_>>());
     let runs = solvers.first().map_or(&[][..], |solver| &solver.runs);
     for (at, one) in runs.iter().enumerate() {
         let alike = runs.iter().filter(|run| run.problem == one.problem).count();
