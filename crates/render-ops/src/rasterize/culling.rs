@@ -192,16 +192,20 @@ impl Verdict {
 }
 
 /// The size below which a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its
-/// rounding errors are below `sum_i |w_i| bound_i`.
+/// rounding errors are below `sum_i |w_i| bound_i`. Bounds are relative, so each product also has a share
+/// of [`LEAST_PRODUCT`].
 #[inline(always)]
 fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
-    (0..3)
-        .map(|k| {
-            vertices[k].w.abs()
-                * edge_error_bound(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size)
-        })
-        .sum()
+    let least = S::from_f64(LEAST_PRODUCT);
+    (0..3).fold(least, |sum, k| {
+        let bound = edge_error_bound(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size);
+        sum + vertices[k].w.abs() * (bound + least)
+    })
 }
+
+/// Products below this size lose digits: they lie near the smallest numbers. A determinant as small is no
+/// divisor of depths and weights.
+const LEAST_PRODUCT: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// At least the [`rounding`] of any face.
 pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Size) -> S {
