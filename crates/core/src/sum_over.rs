@@ -80,12 +80,17 @@ impl<T: Scalar> PartialSum<T> {
     }
 }
 
+/// What computes a part. It is called once per part, so its type is forgotten, and what calls it is compiled
+/// once for all.
+type Part<'a, T, E> =
+    dyn for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync + 'a;
+
 /// The inputs of all parts, and where their tapes come from.
-struct Parts<'a, T: Scalar, F> {
+struct Parts<'a, T: Scalar, E> {
     tape: &'a SpareTapes<T>,
     /// Values, and whether a gradient could be asked for.
     inputs: &'a [(Tensor<T>, bool)],
-    part: &'a F,
+    part: &'a Part<'a, T, E>,
     /// Whether a part shares its work among threads: where there are fewer parts than threads.
     is_shared: bool,
     is_timed: bool,
@@ -93,13 +98,9 @@ struct Parts<'a, T: Scalar, F> {
 
 type SpareTapes<T> = std::sync::Mutex<Vec<Tape<T>>>;
 
-impl<T: Scalar, F> Parts<'_, T, F> {
+impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
     /// The sums over the parts of several ranges, each of which has at least one.
-    fn all<E>(&self, ranges: &[Range<usize>]) -> Result<Vec<PartialSum<T>>, E>
-    where
-        E: From<TensorError> + Send,
-        F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
-    {
+    fn all(&self, ranges: &[Range<usize>]) -> Result<Vec<PartialSum<T>>, E> {
         match ranges {
             [] => Ok(Vec::new()),
             [only] => Ok(vec![self.sum(only.clone())?]),
@@ -114,11 +115,7 @@ impl<T: Scalar, F> Parts<'_, T, F> {
     }
 
     /// The sum over parts `range`, of which there is at least one.
-    fn sum<E>(&self, range: Range<usize>) -> Result<PartialSum<T>, E>
-    where
-        E: From<TensorError> + Send,
-        F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
-    {
+    fn sum(&self, range: Range<usize>) -> Result<PartialSum<T>, E> {
         let Some([first, second]) = halves(&range) else {
             return if self.is_shared {
                 self.one(range.start)
@@ -133,11 +130,7 @@ impl<T: Scalar, F> Parts<'_, T, F> {
     }
 
     /// Part k alone.
-    fn one<E>(&self, k: usize) -> Result<PartialSum<T>, E>
-    where
-        E: From<TensorError> + Send,
-        F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
-    {
+    fn one(&self, k: usize) -> Result<PartialSum<T>, E> {
         // A poisoned lock holds tapes that nothing was recorded on.
         let spare = || self.tape.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut tape = spare().pop().unwrap_or_default();
@@ -149,11 +142,7 @@ impl<T: Scalar, F> Parts<'_, T, F> {
     }
 
     /// Part k on a tape of its own.
-    fn on<E>(&self, tape: &Tape<T>, k: usize) -> Result<PartialSum<T>, E>
-    where
-        E: From<TensorError> + Send,
-        F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
-    {
+    fn on(&self, tape: &Tape<T>, k: usize) -> Result<PartialSum<T>, E> {
         tape.set_timed(self.is_timed);
         let variable = |(value, needs): &(Tensor<T>, bool)| {
             if *needs { tape.leaf(value) } else { tape.constant(value) }
