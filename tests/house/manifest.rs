@@ -33,7 +33,12 @@ fn every_file_of_a_test_of_several_files_is_a_module_of_it() {
     let root = root();
     let folders = fs::read_dir(root.join("tests")).unwrap().map(|entry| entry.unwrap().path());
     let folders = folders.filter(|path| path.is_dir() && !sources(path).is_empty());
-    let others = ["lab/tests", "crates/cli/tests/program", "crates/scene/tests/scenes"];
+    let others = [
+        "lab/tests",
+        "crates/cli/tests/program",
+        "crates/core/tests/operations",
+        "crates/scene/tests/scenes",
+    ];
     let mut count = 0;
     for folder in folders.chain(others.map(|folder| root.join(folder))) {
         let name = folder.display();

@@ -88,15 +88,3 @@ impl<'t, T: Scalar> Var<'t, T> {
         self.tape.apply(Elementwise(f), &[self]).expect("any shape has entries to map")
     }
 }
-
-/// `f(x)` and `f'(x)`, as the tape computes them.
-#[cfg(test)]
-pub(crate) fn value_and_slope<T: Scalar>(
-    x: T,
-    f: impl for<'t> Fn(Var<'t, T>) -> Var<'t, T>,
-) -> [T; 2] {
-    let tape = crate::Tape::new();
-    let x = tape.leaf_scalar(x);
-    let y = f(x);
-    [y.item(), y.backward().expect("a scalar").get_or_zeros(x).item()]
-}

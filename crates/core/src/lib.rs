@@ -94,8 +94,6 @@ mod sum_over;
 mod summation;
 mod tape;
 mod tensor;
-#[cfg(test)]
-mod unwinding;
 mod value;
 mod var;
 mod vectors;

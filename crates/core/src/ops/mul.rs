@@ -48,25 +48,3 @@ impl<'t, T: Scalar> Mul for Var<'t, T> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::broadcast::value_and_slopes;
-
-    #[test]
-    fn value_and_slopes_by_hand() {
-        assert_eq!(value_and_slopes(2.0, 3.0, |x, y| x * y), [6.0, 3.0, 2.0]);
-    }
-
-    #[test]
-    fn a_variable_times_itself_has_twice_the_slope() {
-        assert_eq!(crate::elementwise::value_and_slope(3.0, |x| x * x), [9.0, 6.0]);
-    }
-
-    #[test]
-    #[should_panic(expected = "mul needs shapes that broadcast, got [2] and [3]")]
-    fn the_operator_panics_with_both_shapes() {
-        let tape = crate::Tape::<f64>::new();
-        let _ = tape.constant_full([2], 0.0) * tape.constant_full([3], 0.0);
-    }
-}

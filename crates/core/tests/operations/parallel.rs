@@ -1,0 +1,80 @@
+use std::ops::Range;
+
+use bokashi_core::parallel::{
+    ENTRIES_PER_PIECE, alone, for_each_piece_mut, for_each_two_pieces_mut, for_each_zipped_mut,
+    is_shared, join, merge_ranges, merge_ranges_into, threads, write_each,
+};
+
+#[test]
+fn pieces_cover_everything_once_and_in_order() {
+    for length in [0, 1, 9, 10, 11, 100] {
+        let mut covered = Vec::new();
+        merge_ranges(length, 10, |range| range, |range| covered.extend(range));
+        assert_eq!(covered, (0..length).collect::<Vec<_>>());
+
+        let mut data = vec![0; length];
+        for_each_piece_mut(&mut data, 10, |k, piece| {
+            piece.iter_mut().enumerate().for_each(|(i, entry)| *entry += 10 * k + i);
+        });
+        assert_eq!(data, (0..length).collect::<Vec<_>>());
+        write_each(&mut data, 10, |k| 3 * k);
+        assert!(data.iter().enumerate().all(|(k, &item)| item == 3 * k));
+    }
+}
+
+#[test]
+fn results_in_memory_of_earlier_ones_are_those_of_this_call() {
+    let mut results: Vec<Vec<usize>> = Vec::new();
+    for length in [100, 9, 11, 0, 100] {
+        let mut covered: Vec<usize> = Vec::new();
+        let work = |range: Range<usize>, result: &mut Vec<usize>| {
+            result.clear();
+            result.extend(range);
+        };
+        // What is left behind in some of them does not come back.
+        merge_ranges_into(&mut results, length, 10, work, |result| covered.extend(result.iter()));
+        assert_eq!(covered, (0..length).collect::<Vec<_>>());
+    }
+    assert_eq!(results.len(), 10);
+}
+
+#[test]
+fn what_runs_alone_is_shared_with_no_other_thread_and_a_panic_ends_that() {
+    let before = threads();
+    alone(|| {
+        assert_eq!(threads(), 1);
+        alone(|| assert!(!is_shared(10, 1)));
+        assert_eq!(join(threads, || 2), (1, 2));
+    });
+    assert!(std::panic::catch_unwind(|| alone(|| panic!("on purpose"))).is_err());
+    assert_eq!(threads(), before);
+}
+
+#[test]
+fn two_arrays_are_cut_alike() {
+    for length in [0, 1, 9, 10, 11, 100] {
+        let (mut a, mut b) = (vec![0; length], vec![0; length.div_ceil(10)]);
+        for_each_two_pieces_mut(&mut a, &mut b, [10, 1], |k, a, b| {
+            a.fill(k);
+            b[0] = k;
+        });
+        assert!((0..length).all(|i| a[i] == i / 10));
+        assert!(b.iter().enumerate().all(|(k, &b)| b == k));
+        // Without a second array, too.
+        let mut none: [usize; 0] = [];
+        for_each_two_pieces_mut(&mut a, &mut none, [10, 0], |k, a, none| {
+            a.fill(k + 1);
+            assert!(none.is_empty());
+        });
+        assert!((0..length).all(|i| a[i] == i / 10 + 1));
+    }
+}
+
+#[test]
+fn zipped_entries_stay_beside_each_other_across_pieces() {
+    let length = 2 * ENTRIES_PER_PIECE + 3;
+    let numbers: Vec<usize> = (0..length).collect();
+    let mut sums = vec![1; length];
+    for_each_zipped_mut(&mut sums, [&numbers, &numbers], |sum, [a, b]| *sum += a + b);
+    assert!(sums.iter().enumerate().all(|(k, &sum)| sum == 1 + 2 * k));
+}

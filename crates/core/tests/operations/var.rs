@@ -1,0 +1,34 @@
+use bokashi_core::{Tape, Tensor, Var};
+
+#[test]
+fn leaves_and_constants_come_as_tensors_as_scalars_and_full() {
+    let tape = Tape::new();
+    let leaves = [
+        tape.leaf(&Tensor::full([], 2.0)),
+        tape.leaf_copied(&Tensor::full([], 2.0)),
+        tape.leaf_scalar(2.0),
+        tape.leaf_full([], 2.0),
+    ];
+    let constants = [
+        tape.constant(&Tensor::full([], 2.0)),
+        tape.constant_scalar(2.0),
+        tape.constant_full([], 2.0),
+    ];
+    let same = |variable: &Var<'_, f64>| variable.value() == Tensor::scalar(2.0);
+    assert!(leaves.iter().chain(&constants).all(same));
+    assert!(leaves.iter().all(|leaf| leaf.needs_gradient()));
+    assert!(!constants.iter().any(|constant| constant.needs_gradient()));
+    assert_eq!(*tape.leaf_full([2, 1], 3.0).value().shape(), [2, 1].into());
+}
+
+#[test]
+fn a_detached_variable_is_a_constant_of_the_same_value() {
+    let tape = Tape::new();
+    let x = tape.leaf(&Tensor::full([2], 3.0));
+    let frozen = x.square().detach();
+    assert_eq!(frozen.value(), Tensor::full([2], 9.0));
+    assert!(x.needs_gradient() && !frozen.needs_gradient());
+    let gradients = (frozen * x).sum().backward().unwrap();
+    assert_eq!(gradients.get(x), Some(&Tensor::full([2], 9.0)));
+    assert_eq!(gradients.get(frozen), None);
+}
