@@ -5,12 +5,10 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
 use serde_json::Value;
-use tempfile::TempDir;
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
@@ -28,24 +26,6 @@ const SOON: Duration = Duration::from_secs(60);
 
 /// Between two looks.
 const PAUSE: Duration = Duration::from_millis(5);
-
-/// A folder for jobs. There is one at a time, since ranks that wait keep their cores busy.
-struct JobFolder {
-    folder: TempDir,
-    _turn: MutexGuard<'static, ()>,
-}
-
-impl JobFolder {
-    fn new() -> Self {
-        static TURN: Mutex<()> = Mutex::new(());
-        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-        Self { folder: tempfile::tempdir().unwrap(), _turn: turn }
-    }
-
-    fn path(&self) -> &Path {
-        self.folder.path()
-    }
-}
 
 /// A disk of 24 x 24 pixels, somewhat different in each view.
 fn disk(view: usize) -> Vec<u8> {
@@ -98,6 +78,12 @@ fn command(folder: &Path, size: usize, words: &[&str]) -> Command {
     }
     job.current_dir(folder).stdin(Stdio::null());
     job
+}
+
+/// Open MPI waits this long before it terminates the ranks of a job, and again before it kills them; a second
+/// unless it is told. What a rank saves on a busy machine takes longer.
+fn with_seconds_to_end(job: &mut Command, seconds: u32) -> &mut Command {
+    job.env("OMPI_MCA_odls_base_sigkill_timeout", seconds.to_string())
 }
 
 /// A job under way. It is killed with all its ranks where a test ends before it does.
@@ -267,7 +253,7 @@ fn wait_until<R>(limit: Duration, mut ready: impl FnMut() -> Option<R>) -> R {
 #[test]
 fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
     for per_step in [VIEWS, 5] {
-        let place = JobFolder::new();
+        let place = tempfile::tempdir().unwrap();
         let folder = place.path();
         let expected = alone(&scene(folder, 6, per_step), 6);
         let (mut hashes, mut drawn) = (Vec::new(), Vec::new());
@@ -296,7 +282,7 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
 #[test]
 fn ranks_without_work_are_named() {
     for per_step in [1, 3] {
-        let place = JobFolder::new();
+        let place = tempfile::tempdir().unwrap();
         scene(place.path(), 1, per_step);
         let Ended { status, said } = run(&mut command(place.path(), 3, &["fit", "scene.toml"]));
         assert!(status.success(), "{said}");
@@ -328,7 +314,7 @@ fn a_rank_that_sees_other_files_or_settings_is_named_and_all_end() {
         }),
     ];
     for (name, change) in changes {
-        let place = JobFolder::new();
+        let place = tempfile::tempdir().unwrap();
         for folder in ["one", "two"] {
             scene(&place.path().join(folder), 6, 5);
         }
@@ -352,7 +338,7 @@ fn change(folder: &Path, from: &str, to: &str, before: &str) {
 
 #[test]
 fn a_fit_goes_on_with_another_number_of_ranks_to_the_same_bits() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let expected = alone(&scene(folder, 9, VIEWS), 9);
     assert!(fitted(folder, 3, "out", &["--steps", "3"]) != expected);
@@ -362,7 +348,7 @@ fn a_fit_goes_on_with_another_number_of_ranks_to_the_same_bits() {
 
 #[test]
 fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     const STEPS: usize = 60;
     let expected = alone(&scene(folder, STEPS, VIEWS), STEPS);
@@ -371,7 +357,7 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
     for (rank, checkpoints, ms) in [(0, 1, 0), (1, 6, 3), (2, 11, 7), (0, 16, 11)] {
         let out = format!("out-{rank}-{checkpoints}");
         let words = ["fit", "scene.toml", "--out", &out, "--save-every", "1", "--threads", "1"];
-        let mut job = Job::start(&mut command(folder, 3, &words));
+        let mut job = Job::start(with_seconds_to_end(&mut command(folder, 3, &words), 0));
         let (mut last, mut count) = (Vec::new(), 0);
         job.wait_until(|| {
             let now = fs::read(folder.join(&out).join(CHECKPOINT)).ok()?;
@@ -389,7 +375,7 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
 
 #[test]
 fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let file = scene(folder, ENDLESS, VIEWS);
     let words = ["fit", "scene.toml", "--out", "out", "--save-every", "1", "--threads", "1"];
@@ -434,16 +420,14 @@ fn is_stopped(process: u32) -> bool {
 
 #[test]
 fn a_signal_saves_first() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let file = scene(folder, ENDLESS, VIEWS);
     // Ctrl-C; to each process, as Slurm does; and to one rank.
     for (signal, whom) in [("INT", "mpirun"), ("TERM", "all"), ("TERM", "rank-1")] {
         let words = ["fit", "scene.toml", "--out", whom, "--save-every", "1", "--threads", "1"];
         let mut command = command(folder, 3, &words);
-        // Open MPI waits this long before it terminates, and again before it kills. A step of a debug
-        // build on a busy machine takes more than the second that it waits by default.
-        let mut job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        let mut job = Job::start(with_seconds_to_end(&mut command, 2));
         job.wait_until(|| folder.join(whom).join(CHECKPOINT).exists().then_some(()));
         let mpirun = job.mpirun.id();
         let signalled = match whom {
@@ -468,7 +452,7 @@ fn a_signal_saves_first() {
 
 #[test]
 fn what_is_wrong_on_one_rank_ends_all_with_its_message() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     scene(folder, 6, VIEWS);
     // Its size is there, and its pixels are not: the rank that has the view finds out.
@@ -492,7 +476,7 @@ fn what_is_wrong_on_one_rank_ends_all_with_its_message() {
 
 #[test]
 fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let expected = alone(&scene(folder, 6, 5), 6);
     let mut list = String::new();
@@ -529,7 +513,7 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
 
 #[test]
 fn no_fit_of_a_sweep_begins_after_a_signal_and_those_under_way_are_saved() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     scene(folder, ENDLESS, VIEWS);
     let of = |fit: usize| {
@@ -540,7 +524,7 @@ fn no_fit_of_a_sweep_begins_after_a_signal_and_those_under_way_are_saved() {
     // mpirun signals what ranks have started, too.
     for whom in ["rank-1", "mpirun"] {
         let mut command = command(folder, 2, &["sweep", "sweep.toml", "--out", whom]);
-        let mut job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        let mut job = Job::start(with_seconds_to_end(&mut command, 2));
         let at = |fit| folder.join(whom).join(format!("fit-{fit}"));
         let runs = |fit| at(fit).join(CHECKPOINT).exists();
         job.wait_until(|| (runs(0) && runs(1)).then_some(()));
@@ -557,7 +541,7 @@ fn no_fit_of_a_sweep_begins_after_a_signal_and_those_under_way_are_saved() {
 
 #[test]
 fn the_papers_experiments_are_a_sweep() {
-    let place = JobFolder::new();
+    let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let words = ["reproduce", "--seeds", "1", "--steps", "2"];
     let Ended { status, said } = run(&mut command(folder, 2, &words));
