@@ -4,6 +4,7 @@
 mod antialias;
 mod exact;
 mod partition;
+mod picture;
 
 use std::sync::Arc;
 

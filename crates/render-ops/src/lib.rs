@@ -159,6 +159,8 @@ pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
 pub use project_instances::project_instances;
 pub use projection::Camera;
+#[doc(hidden)]
+pub use raster_options::Limits;
 pub use raster_options::{Cull, RasterOptions, Rasterization, Sampling, Silhouettes};
 pub use rasterize::{depth_layers, rasterize, rasterize_behind};
 pub use reflect::reflect;

@@ -116,26 +116,30 @@ pub struct RasterOptions {
     /// of the attribute's range. The range is the largest of its channels'.
     pub crease_tolerance: f64,
     /// Lower where tests ask for it.
-    pub(crate) limits: Limits,
+    #[doc(hidden)]
+    pub limits: Limits,
 }
 
 /// How much exact coverage does at once. The results are the same to rounding, but where the last two
 /// limits are reached (`exact::cells`).
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Limits {
-    /// A pixel or a cell of one is cut into four where a depth group holds more faces.
-    pub(crate) faces: usize,
-    pub(crate) faces_of_cell: usize,
+pub struct Limits {
+    /// A pixel is cut into four where a depth group holds more faces.
+    pub faces: usize,
+    /// The same of a cell within a pixel.
+    pub faces_of_cell: usize,
     /// The same where polygons would be held against faces more often.
-    pub(crate) cuts: usize,
+    pub cuts: usize,
     /// How often a pixel is cut.
-    pub(crate) depth: u32,
+    pub depth: u32,
     /// How much work a crowded pixel may be: as much as to hold so many polygons against faces.
-    pub(crate) work: usize,
+    pub work: usize,
 }
 
 impl Limits {
-    pub(crate) const DEFAULT: Self =
+    /// Those of [`RasterOptions::new`].
+    pub const DEFAULT: Self =
         Self { faces: 256, faces_of_cell: 256, cuts: 1 << 18, depth: 12, work: 1 << 25 };
 }
 

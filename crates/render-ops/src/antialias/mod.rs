@@ -35,8 +35,6 @@
 
 mod discontinuity;
 mod pairs;
-#[cfg(test)]
-mod tests;
 
 use std::ops::Range;
 use std::sync::Arc;

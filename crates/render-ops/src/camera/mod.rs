@@ -50,8 +50,6 @@ mod rigid;
 mod screen;
 mod se3;
 mod stumpff;
-#[cfg(test)]
-mod tests;
 mod turning;
 mod undistorted;
 

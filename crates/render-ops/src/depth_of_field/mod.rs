@@ -37,8 +37,6 @@
 //! ACM TOG 1(2), 1982: the circle of confusion, and blurring after the image is made.
 
 mod ladder;
-#[cfg(test)]
-mod tests;
 mod windows;
 
 use bokashi_core::parallel::{for_each_two_pieces_mut, write_each};

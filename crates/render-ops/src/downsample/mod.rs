@@ -21,8 +21,6 @@
 //! Wolberg, *Digital image warping*, 1990, section 5: filters that are stretched by the factor against
 //! aliasing.
 
-#[cfg(test)]
-mod tests;
 mod weighing;
 
 use bokashi_core::parallel::for_each_piece_mut;

@@ -15,8 +15,6 @@
 
 mod harmonics;
 mod prefilter;
-#[cfg(test)]
-mod tests;
 
 use std::f64::consts::FRAC_1_PI;
 

@@ -318,3 +318,16 @@ impl<T: Scalar> Prefilter<T> {
         self.levels.iter().filter_map(most).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_has_few_blocks_whatever_the_size_of_the_map() {
+        for (size, levels) in [(16, 2), (32, 4), (64, 4), (64, 7)] {
+            let counts = Prefilter::<f32>::new(size, levels).unwrap().blocks_of_means();
+            assert!(counts.iter().all(|&count| count <= 540), "{counts:?}");
+        }
+    }
+}

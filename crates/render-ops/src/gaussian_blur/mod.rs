@@ -36,8 +36,6 @@
 mod of_picture;
 pub use self::of_picture::Blurred;
 mod rational;
-#[cfg(test)]
-mod tests;
 
 use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Var};
@@ -256,4 +254,37 @@ fn check_image(shape: &bokashi_core::Shape) -> Result<(), RenderError> {
         rule: "an image of shape [H, W, C] with at least one entry".to_owned(),
         shape: shape.clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::border::Border;
+    use crate::taps::{Blur, Kernel, Radius};
+
+    #[test]
+    fn systems_are_solved_where_a_discrete_kernel_is_wide_and_a_tolerance_allows_it() {
+        let wide = Blur { kernel: Kernel::Discrete, ..Blur::default() };
+        let poles = |blur: Blur, sigma, extents| {
+            GaussianBlur { blur }.order(sigma, extents).map_or(0, |order| order.poles.len())
+        };
+        let coarse = Blur { radius: Radius::Tolerance(1e-3), ..wide };
+        assert_eq!(poles(wide, 30.0, [200, 300]), 4);
+        assert_eq!(poles(coarse, 14.0, [46, 43]), 2);
+        assert_eq!(poles(Blur { border: Border::Zero, ..coarse }, 14.0, [46, 43]), 2);
+        // The systems take less time from a radius of 34 + 5 taps for each of four poles on.
+        assert_eq!([10.2, 10.3].map(|sigma| poles(wide, sigma, [1024, 1024])), [0, 4]);
+        for (blur, sigma, extents) in [
+            (wide, 1.0, [200, 300]),
+            (wide, 30.0, [10, 10]),
+            (coarse, 14.0, [45, 43]),
+            (wide, 1e9, [200, 300]),
+            (Blur { border: Border::Clamp, ..wide }, 30.0, [200, 300]),
+            (Blur { radius: Radius::Fixed(99), ..wide }, 30.0, [200, 300]),
+            (Blur { radius: Radius::Tolerance(1e-14), ..wide }, 30.0, [200, 300]),
+            (Blur { kernel: Kernel::Sampled, ..wide }, 30.0, [200, 300]),
+        ] {
+            assert_eq!(poles(blur, sigma, extents), 0, "{blur:?} {sigma}");
+        }
+    }
 }

@@ -92,3 +92,133 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
         Weights { edges: self.edges, is_plain: true }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::culling::{Fate, Verdict};
+    use super::super::setup::{Setup, beyond};
+    use super::*;
+
+    /// A face's setup, and what draws it in blocks if that can be; `None` where it is not drawn.
+    fn prepared(clip: &[[f64; 4]; 3], size: Size) -> Option<(Setup<f64>, Option<SmallFace<f64>>)> {
+        let corners = [0, 1, 2].map(|index| Corner::new(clip.as_flattened(), index, size));
+        let corners = corners.each_ref();
+        let Verdict { orientation, fate, .. } =
+            Verdict::from_corners(corners, [0, 1, 2], size.into(), f64::INFINITY);
+        let small = SmallFace::new(corners, orientation, size);
+        matches!(fate, Fate::Drawn { .. }).then(|| (Setup::new(corners, orientation, size), small))
+    }
+
+    fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
+        prepared(clip, size).map(|(setup, _)| setup)
+    }
+
+    /// Faces in view, some of which touch the near plane: of three vertices, or slivers with a vertex beside
+    /// the line between the others.
+    fn face_in_view() -> impl Strategy<Value = [[f64; 4]; 3]> {
+        let depth = prop_oneof![-1.0..0.99_f64, -1.0..-0.9998_f64];
+        let vertex = (-1.0..1.0_f64, -1.0..1.0_f64, depth, 0.1..4.0_f64)
+            .prop_map(|(x, y, depth, w)| [w * x, w * y, w * depth, w]);
+        let sliver = (vertex.clone(), vertex.clone(), 0.0..1.0_f64, -16.0..-1.0_f64).prop_map(
+            |(p, q, along, digits)| {
+                let r: [f64; 4] = std::array::from_fn(|k| p[k] + along * (q[k] - p[k]));
+                [p, q, [r[0] + f64::powf(10.0, digits), r[1], r[2], r[3]]]
+            },
+        );
+        prop_oneof![prop::array::uniform3(vertex), sliver]
+    }
+
+    /// Vertices before the eye, some near it, and some behind.
+    fn vertex() -> impl Strategy<Value = [f64; 4]> {
+        let w = prop_oneof![3 => 0.2..2.0_f32, 1 => -1.5..0.2_f32];
+        let z = prop_oneof![3 => -0.9..0.9_f32, 1 => -3.0..3.0_f32];
+        (-1.6..1.6_f32, -1.6..1.6_f32, z, w).prop_map(|(x, y, z, w)| [x, y, z, w].map(f64::from))
+    }
+
+    /// Faces of such vertices, and with corners on pixel centres.
+    fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
+        let on_centers = (0..16_u8, 0..16_u8, -0.9..0.9_f64).prop_map(|(x, y, z)| {
+            [f64::from(x) / 8.0 - 0.9375, f64::from(y) / 8.0 - 0.9375, z, 1.0]
+        });
+        prop::array::uniform3(prop_oneof![vertex(), on_centers])
+    }
+
+    /// Depths and faces, in blocks.
+    type Blocks = (Vec<[f64; LANES]>, Vec<[u64; LANES]>);
+
+    /// Rows of blocks.
+    fn rows_of<'a>(
+        ys: &'a [f64],
+        (depths, faces): &'a mut Blocks,
+    ) -> impl Iterator<Item = (f64, &'a mut [[f64; LANES]], &'a mut [[u64; LANES]])> {
+        let per_row = depths.len() / ys.len();
+        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+        ys.iter().zip(rows).map(|(&y, (depths, faces))| (y, depths, faces))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+        #[test]
+        fn blocks_draw_what_spans_draw(
+            faces in prop::array::uniform3(prop_oneof![face(), face_in_view()]),
+            width in 1..22_usize,
+            height in 1..17_usize,
+            first in 0..17_usize,
+        ) {
+            // Blocks are drawn from row `first` on, and write beyond a width that they do not divide.
+            let (size, first) = (Size { width, height }, first % height);
+            let columns = size.width.next_multiple_of(LANES);
+            let centers: Vec<f64> = (0..columns).map(|column| size.center_x(column)).collect();
+            let (in_blocks, _) = centers.as_chunks();
+            let ys: Vec<f64> = (first..size.height).map(|row| size.center_y(row)).collect();
+            let count = ys.len() * in_blocks.len();
+            let mut blocks = (vec![[beyond::<f64>(); LANES]; count], vec![[u64::MAX; LANES]; count]);
+            let mut spans = blocks.clone();
+            let in_spans = |setup: &mut Setup<f64>, pixels: &mut Blocks, face| {
+                for (y, depths, faces) in rows_of(&ys, pixels) {
+                    let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+                    let (row, all) = (setup.row(y), [0, size.width]);
+                    setup.cover_span(&row, all, &centers[..size.width], depths, faces, face);
+                }
+            };
+            let prepared = faces.iter().filter_map(|face| prepared(face, size));
+            for (face, (mut setup, small)) in (0..).zip(prepared) {
+                let Some(small) = small else { continue };
+                let (depths, seen) = &mut blocks;
+                let is_uncertain = small.cover(&ys, in_blocks, (depths, seen), in_blocks.len(), face);
+                in_spans(&mut setup, &mut spans, face);
+                if is_uncertain {
+                    in_spans(&mut setup, &mut blocks, face);
+                } else {
+                    let (weights, expected) = (small.weights(), setup.weights());
+                    prop_assert_eq!((weights.edges, weights.is_plain), (expected.edges, expected.is_plain));
+                }
+            }
+            // What lies in the padding means nothing.
+            for ((_, blocks, seen), (_, spans, expected)) in
+                rows_of(&ys, &mut blocks).zip(rows_of(&ys, &mut spans))
+            {
+                prop_assert_eq!(&blocks.as_flattened()[..width], &spans.as_flattened()[..width]);
+                prop_assert_eq!(&seen.as_flattened()[..width], &expected.as_flattened()[..width]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_depth_is_linear_where_its_rounding_cannot_be_seen() {
+        let size = Size::square(16);
+        let has_plane = |clip: [[f64; 4]; 3]| setup(&clip, size).unwrap().has_plane();
+        let face =
+            |z: f64, w: f64| [[-0.7, -0.8, z, w], [0.8, -0.6, 0.3, 1.0], [0.1, 0.9, -0.4, 1.2]];
+        assert!(has_plane(face(0.2, 1.0)) && has_plane(face(-900.0, 1.0)));
+        // Vertex 0 behind the eye, in its plane, and too far away in depth.
+        assert!(!has_plane(face(0.2, -0.1)) && !has_plane(face(0.2, 0.0)));
+        assert!(!has_plane(face(1100.0, 1.0)) && !has_plane(face(-0.9, 1e-4)));
+        let behind = face(0.2, -0.1);
+        assert!(!has_plane([behind[1], behind[0], behind[2]]));
+        assert!(!has_plane([behind[1], behind[2], behind[0]]));
+    }
+}

@@ -32,8 +32,6 @@ mod order;
 mod prepared;
 mod pull_back;
 mod setup;
-#[cfg(test)]
-mod tests;
 mod visibility;
 
 use std::ops::Range;

@@ -17,8 +17,6 @@ mod matte;
 mod metallic_roughness;
 mod model;
 mod shade;
-#[cfg(test)]
-mod tests;
 
 pub use self::light::{Light, Surface};
 pub use self::material::Material;

@@ -21,8 +21,6 @@
 //! Mikkelsen, *Simulation of wrinkled surfaces revisited*, 2008, whose weights and directions these
 //! are. He gives faces of either side tangents of their own; here the mesh has to separate them.
 
-#[cfg(test)]
-mod tests;
 mod textured;
 
 use bokashi_core::parallel::write_each;

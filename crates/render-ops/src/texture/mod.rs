@@ -34,8 +34,6 @@ mod lookup;
 mod moves;
 mod options;
 mod sample;
-#[cfg(test)]
-mod tests;
 mod texels;
 mod tiles;
 mod values;

@@ -30,9 +30,6 @@
 //! 1971, with the mean weighted. By angle: Thürmer and Wüthrich, *Computing vertex normals from
 //! polygonal facets*, Journal of Graphics Tools 3(1), 1998.
 
-#[cfg(test)]
-mod tests;
-
 use bokashi_core::parallel::write_each;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 

@@ -15,12 +15,13 @@ use crate::materials::{MODELS, Model, ROWS, facing};
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("environment").with_extremes(extremes::EXTREMES);
+    let prefilter = Prefilter::new(8, 3).unwrap();
     for (name, model) in [MODELS[0], MODELS[1], MODELS[2]] {
         let cases = (tensor([6, 8, 8, 3], number()), facing(ROWS), model.inputs(Some(ROWS)));
+        let prefilter = prefilter.clone();
         let cases = cases.prop_map(move |(texels, both, material)| {
-            let prefilter = Prefilter::new(8, 3).unwrap();
             let inputs = leaves([texels].into_iter().chain(both).chain(material));
-            Case::new(InEnvironment { prefilter, model }, inputs)
+            Case::new(InEnvironment { prefilter: prefilter.clone(), model }, inputs)
         });
         entry.check(Check::from_cases(format!("environment, {name}"), cases));
     }

@@ -17,9 +17,6 @@
 //! and of `gaussian_blur`. So the bits are those of the operations that this one stands for. Only where
 //! `L_bar` is no power of two, gradients are rounded otherwise.
 
-#[cfg(test)]
-mod tests;
-
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -2,7 +2,6 @@
 
 use bokashi_core::{Tape, Tensor};
 
-use super::super::tests::{bessel, dot, numbers};
 use super::*;
 use crate::border::Border;
 use crate::taps::{Blur, Kernel, Radius};
@@ -11,6 +10,27 @@ const BORDERS: [Border; 2] = [Border::Zero, Border::Mirror];
 /// Lines of one pixel and of several strips; channels that fill the lanes, that don't, and more.
 const SHAPES: [[usize; 3]; 6] =
     [[1, 1, 1], [2, 40, 3], [35, 5, 1], [3, 4, 33], [7, 33, 5], [12, 2, 70]];
+
+fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
+    Tensor::from_flat_fn(shape, |k| {
+        T::from_f64(((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
+    })
+}
+
+fn dot<T: Scalar>(x: &Tensor<T>, y: &Tensor<T>) -> f64 {
+    x.data().iter().zip(y.data()).map(|(x, y)| x.to_f64() * y.to_f64()).sum()
+}
+
+/// `exp(-t) I_k(t)` by its power series, for small t.
+fn bessel(k: usize, t: f64) -> f64 {
+    let mut term = (1..=k).fold((-t).exp(), |term, m| term * 0.5 * t / m as f64);
+    let mut sum = 0.0;
+    for m in 1..200 {
+        sum += term;
+        term *= 0.25 * t * t / (m * (m + k)) as f64;
+    }
+    sum
+}
 
 struct Blurred<T> {
     image: Tensor<T>,

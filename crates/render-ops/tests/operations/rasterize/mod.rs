@@ -1,0 +1,140 @@
+//! Laws of rasterization: against an oracle that solves a linear system per pixel and face, then
+//! identities, then the extreme cases.
+
+use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_render_ops::{Cull, Culled, Mesh, RasterOptions, RenderError, Size, depth, rasterize};
+use proptest::prelude::*;
+
+mod blocks;
+mod crowded;
+mod exact;
+mod extremes;
+mod layers;
+mod nearest;
+mod oracle;
+mod outline;
+mod perspective;
+mod pixel_borders;
+mod ties;
+mod watertight;
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Seen {
+    face: u32,
+    uv: [f64; 2],
+    depth: f64,
+}
+
+/// A picture: what each pixel sees, row by row from the top, and which faces were not drawn.
+#[derive(Debug, PartialEq)]
+struct Drawn {
+    pixels: Vec<Option<Seen>>,
+    culled: Culled,
+}
+
+impl Drawn {
+    fn faces(&self) -> Vec<Option<u32>> {
+        self.pixels.iter().map(|seen| seen.map(|seen| seen.face)).collect()
+    }
+
+    fn count(&self) -> usize {
+        self.pixels.iter().flatten().count()
+    }
+}
+
+type Clip = Vec<[f64; 4]>;
+
+fn try_draw<T: Scalar>(
+    clip: &Clip,
+    faces: &[[u32; 3]],
+    options: impl Into<RasterOptions>,
+) -> Result<Drawn, RenderError> {
+    let tape = Tape::<T>::new();
+    let positions = tape.leaf(&tensor(clip));
+    let mesh = Mesh::new(faces.to_vec(), clip.len())?;
+    let fragments = rasterize(positions, &mesh, options.into().creases(&[]))?;
+    let coverage = &fragments.coverage;
+    assert_eq!(fragments.barycentrics.shape(), [coverage.count(), 2].into());
+    let depth = depth(&fragments)?;
+    assert_eq!(depth.shape(), [coverage.count()].into());
+    let (uv, depth) = (fragments.barycentrics.value(), depth.value());
+    let faces: Vec<_> = coverage.faces().collect();
+    let seen = |n: usize| Seen {
+        face: faces[n] as u32,
+        uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
+        depth: depth.data()[n].to_f64(),
+    };
+    let pixels: Vec<_> =
+        (0..coverage.size().pixels()).map(|pixel| coverage.fragment_at(pixel).map(seen)).collect();
+    assert_eq!(pixels.iter().flatten().count(), coverage.count());
+    let places = coverage.pixels().map(|pixel| coverage.fragment_at(pixel));
+    assert!(places.eq((0..coverage.count()).map(Some)));
+    Ok(Drawn { pixels, culled: coverage.culled() })
+}
+
+fn draw<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], options: impl Into<RasterOptions>) -> Drawn {
+    try_draw::<T>(clip, faces, options).unwrap()
+}
+
+fn tensor<T: Scalar>(clip: &Clip) -> Tensor<T> {
+    Tensor::from_flat_fn([clip.len(), 4], |k| T::from_f64(clip[k / 4][k % 4]))
+}
+
+/// The gradient of `sum u + 2 v + 3 depth` with respect to the clip positions.
+fn gradient<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], size: Size) -> Vec<f64> {
+    let tape = Tape::<T>::new();
+    let positions = tape.leaf(&tensor(clip));
+    let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
+    let fragments = rasterize(positions, &mesh, size).unwrap();
+    let uv_bar =
+        Tensor::from_flat_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
+    let depth = depth(&fragments).unwrap();
+    let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
+    let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];
+    let gradients = tape.vjp(&seeds).unwrap();
+    gradients.get_or_zeros(positions).data().iter().map(|entry| entry.to_f64()).collect()
+}
+
+/// The clip position of a point of the image, in pixels from its top left corner, where the centre
+/// of column i is at i + 1/2.
+fn at_px(size: Size, x: f64, y: f64) -> [f64; 4] {
+    [2.0 * x / size.width as f64 - 1.0, 1.0 - 2.0 * y / size.height as f64, 0.0, 1.0]
+}
+
+/// How many of the faces, each drawn alone, cover each pixel.
+fn layers<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], size: Size) -> Vec<usize> {
+    let mut layers = vec![0; size.pixels()];
+    for &face in faces {
+        for (count, seen) in layers.iter_mut().zip(draw::<T>(clip, &[face], size).pixels) {
+            *count += usize::from(seen.is_some());
+        }
+    }
+    layers
+}
+
+/// The six orders of a face's corners: three rotations in either winding.
+fn orders([a, b, c]: [u32; 3]) -> [[u32; 3]; 6] {
+    [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]]
+}
+
+/// Sizes of small images.
+fn size() -> impl Strategy<Value = Size> {
+    (1..12_usize, 1..12_usize).prop_map(|(width, height)| Size { width, height })
+}
+
+/// A scene of several layers, some through each other, one behind the eye in part.
+fn layered() -> (Clip, Vec<[u32; 3]>) {
+    let clip = vec![
+        [-0.9, -0.7, 0.2, 1.0],
+        [0.8, -0.9, -0.3, 1.1],
+        [0.1, 0.9, 0.5, 0.9],
+        [-0.5, 0.8, -0.6, 1.3],
+        [1.2, 0.3, 0.1, 0.7],
+        [-0.2, -1.1, 0.4, 1.6],
+        [0.4, 0.2, 0.3, -0.4],
+    ];
+    (clip, vec![[0, 1, 2], [3, 4, 5], [0, 4, 3], [6, 1, 3], [2, 5, 1]])
+}
+
+const WIDE: Size = Size { width: 31, height: 22 };
