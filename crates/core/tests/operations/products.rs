@@ -1,41 +1,40 @@
 use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var, hvp, jvp};
 
-/// `sum x exp(x y)` of `[2]` and `[]`.
+/// `exp(2 x y)` of `[1, 2]` and `[2, 1]`, as the square of `exp(x y)`.
 fn curved<'t, T: Scalar>(inputs: &[Var<'t, T>]) -> Result<Var<'t, T>, TensorError> {
     let &[x, y] = inputs else { unreachable!("there are two") };
-    Ok((x * (x * y).exp()).sum())
+    let root = x.matmul(y)?.exp();
+    root.matmul(root)
 }
 
 #[test]
 fn products_by_hand_on_one_tape() {
     let mut tape = Tape::new();
-    let (x, y) = (Tensor::new([2], vec![0.3, -0.7]).unwrap(), Tensor::scalar(0.9_f64));
-    let (v, w) = (Tensor::new([2], vec![1.5, 0.25]).unwrap(), Tensor::scalar(-2.0));
-    let e = x.map(|x| (0.9 * x).exp());
-    let near = |got: &Tensor<f64>, expected: &[f64]| {
-        let pairs = got.data().iter().zip(expected);
-        assert_eq!(got.size(), expected.len());
+    let ([x, y], [v, w]) = ([[0.3, -0.7], [0.9, 0.4]], [[1.5, 0.25], [-2.0, 0.5]]);
+    let [row, column] = [[1, 2], [2, 1]]
+        .map(|shape| move |entries: [f64; 2]| Tensor::new(shape, entries.to_vec()).unwrap());
+    let point = [(&row(x), &row(v)), (&column(y), &column(w))];
+    let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+    let f = (2.0 * dot(x, y)).exp();
+    // How fast `x y` grows along `(v, w)`.
+    let growth = dot(y, v) + dot(x, w);
+    let near = |found: &Tensor<f64>, expected: &[f64]| {
+        let pairs = found.data().iter().zip(expected);
+        assert_eq!(found.size(), expected.len());
         pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-14, "{a} {b}"));
     };
     for _ in 0..2 {
-        let [value, slope] = jvp(&mut tape, &[(&x, &v), (&y, &w)], curved).unwrap();
-        let sum = |term: &dyn Fn(f64, f64, f64) -> f64| {
-            (0..2).map(|k| term(x.data()[k], e.data()[k], v.data()[k])).sum::<f64>()
+        let [value, slope] = jvp(&mut tape, &point, curved).unwrap();
+        near(&value, &[f]);
+        near(&slope, &[2.0 * f * growth]);
+        let products = hvp(&mut tape, &point, curved).unwrap();
+        near(&products[0][0], &y.map(|y| 2.0 * f * y));
+        near(&products[1][0], &x.map(|x| 2.0 * f * x));
+        let along = |other: [f64; 2], change: [f64; 2]| {
+            [0, 1].map(|k| 2.0 * f * (change[k] + 2.0 * growth * other[k]))
         };
-        near(&value, &[sum(&|x, e, _| x * e)]);
-        let slope_to_x = |x: f64, e: f64| (1.0 + 0.9 * x) * e;
-        let along = sum(&|x, e, v| slope_to_x(x, e) * v - 2.0 * x * x * e);
-        near(&slope, &[along]);
-        let products = hvp(&mut tape, &[(&x, &v), (&y, &w)], curved).unwrap();
-        let of_x = |term: &dyn Fn(f64, f64, f64) -> f64| {
-            [0, 1].map(|k| term(x.data()[k], e.data()[k], v.data()[k]))
-        };
-        near(&products[0][0], &of_x(&|x, e, _| slope_to_x(x, e)));
-        near(&products[1][0], &[sum(&|x, e, _| x * x * e)]);
-        let mixed = |x: f64, e: f64| (2.0 * x + 0.9 * x * x) * e;
-        let h = of_x(&|x, e, v| (1.8 + 0.81 * x) * e * v - 2.0 * mixed(x, e));
-        near(&products[0][1], &h);
-        near(&products[1][1], &[sum(&|x, e, v| mixed(x, e) * v - 2.0 * x.powi(3) * e)]);
+        near(&products[0][1], &along(y, w));
+        near(&products[1][1], &along(x, v));
     }
 }
 
