@@ -261,8 +261,8 @@ pub(crate) fn for_each_short_line_mut<T: Scalar, const E: usize, const N: usize>
         let (data, _) = data.as_chunks_mut::<E>();
         let first = k * lines;
         let from = from.map(|from| &from.as_chunks::<E>().0[first..][..data.len()]);
-        for (at, line) in data.iter_mut().enumerate() {
-            work(first + at, line, from.map(|from| &from[at][..]));
+        for (index, line) in data.iter_mut().enumerate() {
+            work(first + index, line, from.map(|from| &from[index][..]));
         }
     });
 }

@@ -41,8 +41,9 @@ impl<'t, T: Scalar> Gradients<'t, T> {
             std::ptr::eq(variable.tape, self.tape),
             "gradients need a variable of their own tape, got one of another tape"
         );
-        let at = self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()?;
-        self.results[at].1.as_ref()
+        let position =
+            self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()?;
+        self.results[position].1.as_ref()
     }
 
     /// The gradient with respect to `variable`, in its shape, zeros where [`Gradients::get`] has

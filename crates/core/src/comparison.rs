@@ -48,11 +48,12 @@ pub fn gradient_errors<T: Scalar, U: Scalar>(
     let tapes = (rough.tape.inner.borrow(), exact.tape.inner.borrow());
     let (rough, exact) = (&rough.results, &exact.results);
     let compare = |k: usize| {
-        let asked = [rough.get(k).map(|asked| asked.0), exact.get(k).map(|asked| asked.0)];
-        let index = asked[0].or(asked[1]).unwrap_or_default() as usize;
-        if asked[0] != asked[1] {
-            let name = |asked: Option<u32>| if asked.is_some() { "a gradient" } else { "nothing" };
-            return Err(TensorError::Recordings { value: index, operations: asked.map(name) });
+        let variables = [rough.get(k).map(|result| result.0), exact.get(k).map(|result| result.0)];
+        let index = variables[0].or(variables[1]).unwrap_or_default() as usize;
+        if variables[0] != variables[1] {
+            let name =
+                |variable: Option<u32>| if variable.is_some() { "a gradient" } else { "nothing" };
+            return Err(TensorError::Recordings { value: index, operations: variables.map(name) });
         }
         let operation = same_operation(&tapes.0, &tapes.1, index)?;
         let (rough, exact) = (rough[k].1.as_ref(), exact[k].1.as_ref());
@@ -77,8 +78,9 @@ fn same_operation<T: Scalar, U: Scalar>(
     match (rough.operation(index), exact.operation(index)) {
         (Some(rough), Some(exact)) if rough == exact => Ok(rough),
         (rough, exact) => {
-            let name =
-                |value: Option<Option<_>>| value.map_or("nothing", |of| of.unwrap_or("a leaf"));
+            let name = |value: Option<Option<_>>| {
+                value.map_or("nothing", |operation| operation.unwrap_or("a leaf"))
+            };
             let operations = [name(rough), name(exact)];
             Err(TensorError::Recordings { value: index, operations })
         }

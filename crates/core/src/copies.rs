@@ -55,10 +55,10 @@ pub(crate) fn add_over_copies<T: Scalar, const N: usize>(
                 let mut total = T::Wide::ZERO;
                 match *copies.axes() {
                     [(count, steps)] => {
-                        let mut at = entry;
+                        let mut position = entry;
                         for _ in 0..count {
-                            total += term(at);
-                            at = both(at, steps);
+                            total += term(position);
+                            position = both(position, steps);
                         }
                     }
                     _ => copies.for_each(|copy| total += term(both(entry, copy))),

@@ -74,8 +74,8 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// where no input needs a gradient, since the operation was not recorded then.
     pub fn inputs(self) -> SmallVec<[Self; 4]> {
         let inner = &*self.tape.inner.borrow();
-        let at = self.index as usize;
-        let node = inner.nodes.iter().find(|node| node.outputs().contains(&at));
+        let index = self.index as usize;
+        let node = inner.nodes.iter().find(|node| node.outputs().contains(&index));
         let links = node.map_or(&[][..], |node| &inner.links[node.links()]);
         links.iter().map(|&index| Var { tape: self.tape, index }).collect()
     }
@@ -106,7 +106,8 @@ impl<'t, T: Scalar> Var<'t, T> {
         // In the order of recording: what lies between a user and the value was asked before.
         for outputs in users {
             let outputs = &all[outputs];
-            let upstream = outputs.iter().filter_map(|&of| Some((of, gradients.get(of)?)));
+            let upstream =
+                outputs.iter().filter_map(|&output| Some((output, gradients.get(output)?)));
             let upstream: Vec<_> = upstream.collect();
             if upstream.is_empty() {
                 continue;
@@ -128,7 +129,7 @@ impl<T: Scalar> Tape<T> {
     pub fn first_not_finite(&self) -> Option<Var<'_, T>> {
         let inner = &*self.inner.borrow();
         let is_finite = |entries: &[T]| entries.iter().all(|entry| entry.is_finite());
-        let at = inner.values[..inner.live].iter().position(|value| !is_finite(value.data()))?;
-        Some(Var { tape: self, index: at as u32 })
+        let index = inner.values[..inner.live].iter().position(|value| !is_finite(value.data()))?;
+        Some(Var { tape: self, index: index as u32 })
     }
 }

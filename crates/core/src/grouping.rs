@@ -19,7 +19,7 @@ pub(crate) struct Grouping {
 impl Grouping {
     /// The places of each index below `count` in `list`, a list that was checked ([`check`]).
     pub(crate) fn lists(&mut self, list: &Arc<[u32]>, count: usize) -> Lists<'_> {
-        let is_same = |of: &Weak<[u32]>| std::ptr::eq(of.as_ptr(), Arc::as_ptr(list));
+        let is_same = |other: &Weak<[u32]>| std::ptr::eq(other.as_ptr(), Arc::as_ptr(list));
         if !(self.list.as_ref().is_some_and(is_same) && self.starts.len() == count + 1) {
             // Whatever ends this before it is done leaves no list behind.
             self.list = None;
@@ -43,10 +43,10 @@ impl Grouping {
         // From the last place on, so that each start ends where it belongs.
         places.clear();
         places.resize(list.len(), 0);
-        for (place, &index) in list.iter().enumerate().rev() {
+        for (position, &index) in list.iter().enumerate().rev() {
             let start = &mut starts[index as usize];
             *start -= 1;
-            places[*start] = place as u32;
+            places[*start] = position as u32;
         }
     }
 

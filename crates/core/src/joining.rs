@@ -70,20 +70,20 @@ fn join_range<T: Scalar>(
     }
 }
 
-/// Adds the blocks of a part, `place` within each block of `size` entries of `joined_bar`, to the part's
+/// Adds the blocks of a part, `range` within each block of `size` entries of `joined_bar`, to the part's
 /// gradient.
 pub(crate) fn add_part<T: Scalar>(
     part_bar: &mut Accumulator<T>,
     joined_bar: &[T],
-    place: Range<usize>,
+    range: Range<usize>,
     size: usize,
 ) {
-    let length = place.len();
+    let length = range.len();
     let (part_bar, fresh) = part_bar.entries_or_fresh();
     let add = |x_bar: &mut T, &z_bar: &T| *x_bar = if fresh { z_bar } else { *x_bar + z_bar };
     if length == 1 {
         for_each_piece_mut(part_bar, ENTRIES_PER_PIECE, |k, part_bar| {
-            let from = joined_bar[place.start + k * ENTRIES_PER_PIECE * size..].iter();
+            let from = joined_bar[range.start + k * ENTRIES_PER_PIECE * size..].iter();
             part_bar
                 .iter_mut()
                 .zip(from.step_by(size))
@@ -92,13 +92,13 @@ pub(crate) fn add_part<T: Scalar>(
         return;
     }
     for_each_piece_mut(part_bar, ENTRIES_PER_PIECE, |k, mut part_bar| {
-        let mut at = k * ENTRIES_PER_PIECE;
+        let mut entry = k * ENTRIES_PER_PIECE;
         while !part_bar.is_empty() {
-            let (block, within) = (at / length, at % length);
+            let (block, within) = (entry / length, entry % length);
             let (head, rest) = part_bar.split_at_mut((length - within).min(part_bar.len()));
-            let from = &joined_bar[block * size + place.start + within..];
+            let from = &joined_bar[block * size + range.start + within..];
             head.iter_mut().zip(from).for_each(|(x_bar, z_bar)| add(x_bar, z_bar));
-            at += head.len();
+            entry += head.len();
             part_bar = rest;
         }
     });

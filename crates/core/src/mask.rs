@@ -64,11 +64,11 @@ impl Mask {
         mut entry: impl FnMut([usize; N]) -> bool,
     ) -> Self {
         Self::from_flat_fn(shape, |mut k| {
-            let mut at = [0; N];
-            for (at, extent) in at.iter_mut().zip(shape).rev() {
-                (*at, k) = (k % extent, k / extent);
+            let mut index = [0; N];
+            for (index, extent) in index.iter_mut().zip(shape).rev() {
+                (*index, k) = (k % extent, k / extent);
             }
-            entry(at)
+            entry(index)
         })
     }
 
@@ -127,7 +127,7 @@ impl Mask {
         &self,
         other: &Self,
         operation: &'static str,
-        of: fn(bool, bool) -> bool,
+        function: fn(bool, bool) -> bool,
     ) -> Result<Self, TensorError> {
         let Some(shape) = self.shape.broadcast(&other.shape) else {
             let shapes = Box::new([self.shape.clone(), other.shape.clone()]);
@@ -138,7 +138,7 @@ impl Mask {
         };
         let mut truth = Vec::with_capacity(size);
         let walk = axes([&shape, &self.shape, &other.shape]);
-        Walk::new(walk).for_each(|[_, i, j]| truth.push(of(self.truth[i], other.truth[j])));
+        Walk::new(walk).for_each(|[_, i, j]| truth.push(function(self.truth[i], other.truth[j])));
         Ok(Self { shape, truth: Arc::new(truth) })
     }
 

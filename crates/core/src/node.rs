@@ -68,15 +68,15 @@ impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
     }
 }
 
-/// Place `at`, with a slot of the right type: the one that the last step left there where its
+/// Place `index`, with a slot of the right type: the one that the last step left there where its
 /// operation was of the same kind, a new one otherwise.
 #[inline]
 pub(crate) fn spare_place<T: Scalar, O: Op<T>>(
     places: &mut Vec<Place<T>>,
-    at: usize,
+    index: usize,
 ) -> &mut Place<T> {
     let new_slot = || Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
-    match places.get_mut(at) {
+    match places.get_mut(index) {
         Some(place) => {
             let any: &dyn Any = &*place.recorded;
             if !any.is::<Slot<O, O::Saved>>() {
@@ -85,7 +85,7 @@ pub(crate) fn spare_place<T: Scalar, O: Op<T>>(
         }
         None => places.push(Place { recorded: new_slot(), entry: 0 }),
     }
-    &mut places[at]
+    &mut places[index]
 }
 
 /// The slot of an operation of type `O`.

@@ -70,7 +70,8 @@ impl<T: Scalar> Pool<T> {
             return true;
         }
         let class = class_of(length);
-        let waits = |class: usize| self.classes.get(class).is_some_and(|of| !of.is_empty());
+        let waits =
+            |class: usize| self.classes.get(class).is_some_and(|buffers| !buffers.is_empty());
         if waits(class) || waits(class + 1) {
             return true;
         }
@@ -84,7 +85,9 @@ impl<T: Scalar> Pool<T> {
     /// A buffer of class `class` for `length` entries, or of the next class.
     #[inline(never)]
     fn take_large(&mut self, class: usize, length: usize) -> Vec<T> {
-        if let Some(buffer) = self.classes.get_mut(class).and_then(|of| take_nearest(of, length)) {
+        if let Some(buffer) =
+            self.classes.get_mut(class).and_then(|buffers| take_nearest(buffers, length))
+        {
             return buffer;
         }
         if let Some(buffer) = self.classes.get_mut(class + 1).and_then(Vec::pop) {
@@ -144,7 +147,7 @@ impl<T: Scalar> Pool<T> {
 /// is used, and a step like the last one finds a buffer of each length.
 fn take_nearest<T>(waiting: &mut Vec<Vec<T>>, length: usize) -> Option<Vec<T>> {
     let places = (0..waiting.len()).rev();
-    let nearest = places.min_by_key(|&at| waiting[at].len().abs_diff(length))?;
+    let nearest = places.min_by_key(|&index| waiting[index].len().abs_diff(length))?;
     Some(waiting.remove(nearest))
 }
 

@@ -74,8 +74,8 @@ pub fn jvp<T: Scalar, E: From<TensorError>>(
     tape.reset();
     let tape = &*tape;
     // Constants: nothing is kept for a backward pass.
-    let place = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.constant(&Tensor::dual(x, v)?));
-    let inputs = point.iter().map(place).collect::<Result<Vec<_>, TensorError>>()?;
+    let record = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.constant(&Tensor::dual(x, v)?));
+    let inputs = point.iter().map(record).collect::<Result<Vec<_>, TensorError>>()?;
     let y = f(&inputs)?.value();
     Ok([y.values(), y.tangents()])
 }
@@ -107,8 +107,8 @@ pub fn hvp<T: Scalar, E: From<TensorError>>(
 ) -> Result<Vec<[Tensor<T>; 2]>, E> {
     tape.reset();
     let tape = &*tape;
-    let place = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.leaf(&Tensor::dual(x, v)?));
-    let inputs = point.iter().map(place).collect::<Result<Vec<_>, TensorError>>()?;
+    let record = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.leaf(&Tensor::dual(x, v)?));
+    let inputs = point.iter().map(record).collect::<Result<Vec<_>, TensorError>>()?;
     let gradients = f(&inputs)?.backward_to(&inputs)?;
     let product = |&input: &Var<'_, Dual<T>>| {
         let gradient = gradients.get_or_zeros(input);

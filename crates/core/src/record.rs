@@ -44,12 +44,12 @@ impl<T: Scalar> Tape<T> {
         inputs: &[Var<'t, T>],
         look: impl FnOnce(&O::Saved) -> R,
     ) -> Result<(OutputVars<'t, T>, R), O::Error> {
-        let (mut look, mut seen) = (Some(look), None);
+        let (mut look, mut result) = (Some(look), None);
         let indices = self.record_node(op, inputs, false, &mut |saved| {
-            seen = look.take().map(|look| look(saved));
+            result = look.take().map(|look| look(saved));
         })?;
-        let seen = seen.expect("a recorded operation is looked at once");
-        Ok((indices.map(|index| Var { tape: self, index }).collect(), seen))
+        let result = result.expect("a recorded operation is looked at once");
+        Ok((indices.map(|index| Var { tape: self, index }).collect(), result))
     }
 
     /// Records `op`, which has one output, on `inputs` and returns the output.
@@ -157,9 +157,13 @@ impl<T: Scalar> Outputs<'_, T> {
             assert_eq!(count, 1, "`apply` is for operations of one output");
         }
         for Renamed { shape, input, .. } in self.renamed.iter() {
-            let of = view.indices.get(*input).map(|&index| &view.values[index as usize].shape);
-            let is_fit = of.is_some_and(|of| of.size() == shape.size());
-            assert!(is_fit, "{name} renames input {input} to {shape}, and that input is {of:?}");
+            let input_shape =
+                view.indices.get(*input).map(|&index| &view.values[index as usize].shape);
+            let is_fit = input_shape.is_some_and(|input_shape| input_shape.size() == shape.size());
+            assert!(
+                is_fit,
+                "{name} renames input {input} to {shape}, and that input is {input_shape:?}"
+            );
         }
         (count, passed)
     }

@@ -204,8 +204,8 @@ impl Count {
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     counts: Vec<Count>,
-    /// What operations said of themselves.
-    said: Vec<LeftOut>,
+    /// What operations reported as left out.
+    left_out: Vec<LeftOut>,
 }
 
 impl Tally {
@@ -220,12 +220,12 @@ impl Tally {
 
     fn find(&mut self, name: &'static str) -> u32 {
         // A pipeline has a dozen kinds of operations: a scan beats a map.
-        let found = self.counts.iter().position(|count| count.operation.name == name);
-        let at = found.unwrap_or_else(|| {
+        let known = self.counts.iter().position(|count| count.operation.name == name);
+        let index = known.unwrap_or_else(|| {
             self.counts.push(Count::new(name));
             self.counts.len() - 1
         });
-        at as u32
+        index as u32
     }
 
     /// The counters of entry `entry`.
@@ -242,9 +242,9 @@ impl Tally {
 
     /// Counts one piece of work left out.
     pub(crate) fn leave_out(&mut self, name: &'static str, reason: &'static str) {
-        match self.said.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
+        match self.left_out.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
             Some(entry) => entry.count += 1,
-            None => self.said.push(LeftOut { name, reason: reason.into(), count: 1 }),
+            None => self.left_out.push(LeftOut { name, reason: reason.into(), count: 1 }),
         }
     }
 
@@ -255,7 +255,7 @@ impl Tally {
             self.count(entry).operation.absorb(operation);
         }
         for left_out in other.left_out {
-            add_left_out(&mut self.said, left_out);
+            add_left_out(&mut self.left_out, left_out);
         }
     }
 
@@ -270,10 +270,10 @@ impl Tally {
                 report.operations.push(operation);
             }
         }
-        for said in &mut self.said {
-            if said.count > 0 {
-                report.left_out.push(said.clone());
-                said.count = 0;
+        for left_out in &mut self.left_out {
+            if left_out.count > 0 {
+                report.left_out.push(left_out.clone());
+                left_out.count = 0;
             }
         }
         report

@@ -162,9 +162,9 @@ fn sorted<T: Scalar>(
     let (mut columns, mut values) = (vec![0; count], vec![T::ZERO; count]);
     let mut next = starts.clone();
     for (row, column, value) in entries {
-        let place = &mut next[row as usize];
-        (columns[*place], values[*place]) = (column, value);
-        *place += 1;
+        let position = &mut next[row as usize];
+        (columns[*position], values[*position]) = (column, value);
+        *position += 1;
     }
     Compressed { starts, columns, values }
 }
@@ -185,15 +185,15 @@ fn with_sums<T: Scalar>(mut matrix: Compressed<T>) -> Compressed<T> {
     let Compressed { starts, columns, values } = &mut matrix;
     let mut kept = 0;
     for row in 0..starts.len() - 1 {
-        let (mut at, end) = (starts[row], starts[row + 1]);
+        let (mut entry, end) = (starts[row], starts[row + 1]);
         starts[row] = kept;
-        while at < end {
-            let column = columns[at];
-            let mut sum = values[at].widen();
-            at += 1;
-            while at < end && columns[at] == column {
-                sum += values[at].widen();
-                at += 1;
+        while entry < end {
+            let column = columns[entry];
+            let mut sum = values[entry].widen();
+            entry += 1;
+            while entry < end && columns[entry] == column {
+                sum += values[entry].widen();
+                entry += 1;
             }
             (columns[kept], values[kept]) = (column, T::narrow(sum));
             kept += 1;

@@ -33,7 +33,7 @@ pub struct Tape<T: Scalar> {
     /// Tapes of parts that are computed apart ([`Tape::sum_over`]), to be used again.
     pub(crate) spare: Mutex<Vec<Tape<T>>>,
     /// Tapes of what is computed beside a step ([`Tape::aside`]), to be used again.
-    beside: RefCell<Vec<Tape<T>>>,
+    aside: RefCell<Vec<Tape<T>>>,
 }
 
 /// What the tape holds.
@@ -133,7 +133,7 @@ impl<T: Scalar> Tape<T> {
                 is_memory_doubtful: false,
             }),
             spare: Mutex::new(Vec::new()),
-            beside: RefCell::new(Vec::new()),
+            aside: RefCell::new(Vec::new()),
         }
     }
 
@@ -169,12 +169,12 @@ impl<T: Scalar> Tape<T> {
     ///
     /// [`Tape::recycle`] takes back the buffers of tensors that `work` returns.
     pub fn aside<R>(&self, work: impl FnOnce(&Tape<T>) -> R) -> R {
-        let mut tape = self.beside.borrow_mut().pop().unwrap_or_default();
+        let mut tape = self.aside.borrow_mut().pop().unwrap_or_default();
         self.exchange_pools(&mut tape);
         let result = work(&tape);
         tape.reset();
         self.exchange_pools(&mut tape);
-        self.beside.borrow_mut().push(tape);
+        self.aside.borrow_mut().push(tape);
         result
     }
 

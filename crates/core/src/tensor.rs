@@ -41,15 +41,15 @@ impl<T: Scalar> Tensor<T> {
         shape: [usize; N],
         mut entry: impl FnMut([usize; N]) -> T,
     ) -> Self {
-        let mut at = [0; N];
+        let mut index = [0; N];
         Self::from_flat_fn(shape, |_| {
-            let here = entry(at);
+            let here = entry(index);
             for axis in (0..N).rev() {
-                at[axis] += 1;
-                if at[axis] < shape[axis] {
+                index[axis] += 1;
+                if index[axis] < shape[axis] {
                     break;
                 }
-                at[axis] = 0;
+                index[axis] = 0;
             }
             here
         })
@@ -166,11 +166,11 @@ pub(crate) fn only<T: Copy>(shape: &Shape, entries: &[T]) -> T {
 impl<T> Tensor<T> {
     /// Where the entry at `index` is.
     #[track_caller]
-    fn place<const N: usize>(&self, index: [usize; N]) -> usize {
+    fn offset_of<const N: usize>(&self, index: [usize; N]) -> usize {
         let is_within =
             self.shape.rank() == N && index.iter().zip(&*self.shape).all(|(i, n)| i < n);
         assert!(is_within, "an index needs to lie within shape {}, got {index:?}", self.shape);
-        index.iter().zip(&*self.shape).fold(0, |place, (i, extent)| place * extent + i)
+        index.iter().zip(&*self.shape).fold(0, |offset, (i, extent)| offset * extent + i)
     }
 }
 
@@ -183,7 +183,7 @@ impl<T, const N: usize> Index<[usize; N]> for Tensor<T> {
 
     #[track_caller]
     fn index(&self, index: [usize; N]) -> &T {
-        &self.data[self.place(index)]
+        &self.data[self.offset_of(index)]
     }
 }
 
@@ -194,8 +194,8 @@ impl<T, const N: usize> Index<[usize; N]> for Tensor<T> {
 impl<T: Clone, const N: usize> IndexMut<[usize; N]> for Tensor<T> {
     #[track_caller]
     fn index_mut(&mut self, index: [usize; N]) -> &mut T {
-        let place = self.place(index);
-        &mut Arc::make_mut(&mut self.data)[place]
+        let offset = self.offset_of(index);
+        &mut Arc::make_mut(&mut self.data)[offset]
     }
 }
 

@@ -75,11 +75,11 @@ impl<const N: usize> Walk<N> {
             let first = piece * rows;
             for (k, data) in data.chunks_mut(block_rows * columns).enumerate() {
                 for (j, data) in data.chunks_mut(BLOCK).enumerate() {
-                    let at = (first + k * block_rows, j * BLOCK);
+                    let corner = (first + k * block_rows, j * BLOCK);
                     let mut buffers = buffers.iter_mut();
                     let from: [&[T]; N] = array::from_fn(|i| {
                         let buffer = buffers.next().expect("there is one for each array");
-                        self.block(i, from[i], at, &mut buffer[..data.len()], k == 0)
+                        self.block(i, from[i], corner, &mut buffer[..data.len()], k == 0)
                     });
                     for (k, entry) in data.iter_mut().enumerate() {
                         work(entry, from.map(|from| from[k]));
@@ -89,7 +89,7 @@ impl<const N: usize> Walk<N> {
         });
     }
 
-    /// The entries of array `i` from row and column `at` on: where they lie, if they are in one
+    /// The entries of array `i` from `row` and `column` on: where they lie, if they are in one
     /// piece, otherwise in `buffer`, as many as it holds.
     fn block<'a, T: Scalar>(
         &self,
@@ -214,10 +214,10 @@ impl<const N: usize> Walk<N> {
         // As an odometer: an axis that is through goes back to its start, and the next one takes a step.
         let mut counts: SmallVec<[usize; 4]> = SmallVec::from_elem(0, outer.len());
         loop {
-            let mut at = start;
+            let mut position = start;
             for _ in 0..length {
-                visit(at);
-                at.iter_mut().zip(steps).for_each(|(at, step)| *at += step);
+                visit(position);
+                position.iter_mut().zip(steps).for_each(|(position, step)| *position += step);
             }
             let mut axis = 0;
             loop {
@@ -226,12 +226,12 @@ impl<const N: usize> Walk<N> {
                 }
                 let (extent, strides) = outer[axis];
                 counts[axis] += 1;
-                start.iter_mut().zip(strides).for_each(|(at, stride)| *at += stride);
+                start.iter_mut().zip(strides).for_each(|(start, stride)| *start += stride);
                 if counts[axis] < extent {
                     break;
                 }
                 counts[axis] = 0;
-                start.iter_mut().zip(strides).for_each(|(at, stride)| *at -= stride * extent);
+                start.iter_mut().zip(strides).for_each(|(start, stride)| *start -= stride * extent);
                 axis += 1;
             }
         }

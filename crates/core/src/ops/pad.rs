@@ -172,14 +172,14 @@ impl<T: Scalar> Op<T> for Pad<T> {
         let alone = self.padding.shown_once([before, after], extent);
         for_each_run_mut(x_bar, [extent, inner], alone, |block, i, within, x_bar| {
             let mut positions = self.padding.positions(i, before, extent, padded);
-            let at = |p: usize| (block * padded + p) * inner + within;
-            let first = positions.next().map_or(0, at);
+            let entry = |p: usize| (block * padded + p) * inner + within;
+            let first = positions.next().map_or(0, entry);
             let is_one = positions.clone().next().is_none();
             for (k, x_bar) in x_bar.iter_mut().enumerate() {
                 let term = if is_one {
                     y_bar[first + k]
                 } else {
-                    let others = positions.clone().map(|p| y_bar[at(p) + k].widen());
+                    let others = positions.clone().map(|p| y_bar[entry(p) + k].widen());
                     T::narrow(others.fold(y_bar[first + k].widen(), |sum, term| sum + term))
                 };
                 *x_bar = if fresh { term } else { *x_bar + term };
