@@ -101,8 +101,8 @@ impl Assembly {
         // Of parts that start at one face, all but the last have none.
         let part = self.parts.partition_point(|part| part.first_face <= face) - 1;
         let Part { mesh, first_face, .. } = &self.parts[part];
-        let (faces, at) = (mesh.faces().len(), face - first_face);
-        Some(Place { part, instance: at / faces, face: at % faces })
+        let (faces, face_in_part) = (mesh.faces().len(), face - first_face);
+        Some(Place { part, instance: face_in_part / faces, face: face_in_part % faces })
     }
 
     /// The vertices of an instance, rows of the clip positions; `None` where there is no such instance.
@@ -153,7 +153,7 @@ impl Assembly {
         for part in &self.parts {
             let of_each = part.mesh.faces().len();
             let all = 0..part.instances * of_each;
-            faces.extend(all.map(|at| [(count + at / of_each) as u32; 3]));
+            faces.extend(all.map(|face| [(count + face / of_each) as u32; 3]));
             count += part.instances;
         }
         Mesh::new(faces, count).expect("there are fewer than 2^31 instances")

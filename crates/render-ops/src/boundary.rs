@@ -17,21 +17,21 @@ pub(crate) struct Boundary {
 }
 
 impl Boundary {
-    /// The fragments of the boundary pixel `at`.
-    pub(crate) fn fragments_of(&self, at: usize) -> &[u32] {
-        let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.fragments[first as usize..self.ends[at] as usize]
+    /// The fragments of the boundary pixel `index`.
+    pub(crate) fn fragments_of(&self, index: usize) -> &[u32] {
+        let first = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.fragments[first as usize..self.ends[index] as usize]
     }
 
-    /// The fragment of the largest piece of the boundary pixel `at`, where a piece has an area.
-    pub(crate) fn largest_of(&self, at: usize) -> Option<u32> {
-        let is_seen = self.unseen.binary_search(&self.pixels[at]).is_err();
-        self.fragments_of(at).first().copied().filter(|_| is_seen)
+    /// The fragment of the largest piece of the boundary pixel `index`, where a piece has an area.
+    pub(crate) fn largest_of(&self, index: usize) -> Option<u32> {
+        let is_seen = self.unseen.binary_search(&self.pixels[index]).is_err();
+        self.fragments_of(index).first().copied().filter(|_| is_seen)
     }
 
     /// Each boundary pixel with its fragments.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
-        (0..self.pixels.len()).map(|at| (self.pixels[at] as usize, self.fragments_of(at)))
+        (0..self.pixels.len()).map(|index| (self.pixels[index] as usize, self.fragments_of(index)))
     }
 
     /// Forgets all pixels, and gives the list to fill again.

@@ -166,9 +166,9 @@ impl<T: Scalar> Op<T> for MixPieces {
             }
             for ((_, fragments), bar) in pixels() {
                 for &fragment in fragments {
-                    let at = fragment as usize - centers;
-                    let row = &mut pieces[at * channels..][..channels];
-                    row.iter_mut().zip(bar).for_each(|(row, &bar)| *row += weights[at] * bar);
+                    let piece = fragment as usize - centers;
+                    let row = &mut pieces[piece * channels..][..channels];
+                    row.iter_mut().zip(bar).for_each(|(row, &bar)| *row += weights[piece] * bar);
                 }
             }
         }
@@ -191,8 +191,8 @@ impl<T: Scalar> Op<T> for MixPieces {
         for ((pixel, fragments), bar) in pixels() {
             let parts = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
             let left = T::Wide::ONE - parts.map(T::widen).sum();
-            let at = self.kind.entry(channels, pixel);
-            let entries = &mut background_bar[at..at + channels];
+            let start = self.kind.entry(channels, pixel);
+            let entries = &mut background_bar[start..start + channels];
             for (entry, &bar) in entries.iter_mut().zip(bar) {
                 *entry += T::narrow(left * bar.widen());
             }

@@ -113,7 +113,7 @@ struct Saved<T: Scalar> {
     seen: Vec<Vec<T>>,
     alphas: Vec<Vec<T>>,
     /// Per pixel: a fragment of a layer.
-    at: Vec<u32>,
+    fragments: Vec<u32>,
     /// `r_bar` of a layer and of the next.
     bars: [Vec<T>; 2],
     /// The sum over all pixels that see a background of one colour.
@@ -122,8 +122,8 @@ struct Saved<T: Scalar> {
 
 impl<T: Scalar> Default for Saved<T> {
     fn default() -> Self {
-        let (next, seen, alphas, at, bars, color_bar) = Default::default();
-        Self { next, seen, alphas, at, bars, color_bar }
+        let (next, seen, alphas, fragments, bars, color_bar) = Default::default();
+        Self { next, seen, alphas, fragments, bars, color_bar }
     }
 }
 
@@ -133,27 +133,27 @@ impl CompositeLayers {
     /// # Errors
     /// [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
     fn find_next<T: Scalar>(&self, saved: &mut Saved<T>) -> Result<(), RenderError> {
-        let Saved { next, at, .. } = saved;
+        let Saved { next, fragments, .. } = saved;
         next.resize_with(self.coverages.len(), Vec::new);
-        at.clear();
-        at.resize(self.coverages[0].size().pixels(), NONE);
+        fragments.clear();
+        fragments.resize(self.coverages[0].size().pixels(), NONE);
         for (k, coverage) in self.coverages.iter().enumerate() {
             next[k].clear();
             next[k].resize(coverage.count(), NONE);
         }
         for (k, pair) in self.coverages.windows(2).enumerate() {
             for (n, pixel) in pair[0].pixels().enumerate() {
-                at[pixel] = n as u32;
+                fragments[pixel] = n as u32;
             }
             for (n, pixel) in pair[1].pixels().enumerate() {
-                let front = std::mem::replace(&mut at[pixel], NONE);
+                let front = std::mem::replace(&mut fragments[pixel], NONE);
                 if front == NONE {
                     return Err(RenderError::LayerPixel { layer: k + 1, pixel });
                 }
                 next[k][front as usize] = n as u32;
             }
             // What is left has nothing behind it.
-            pair[0].pixels().for_each(|pixel| at[pixel] = NONE);
+            pair[0].pixels().for_each(|pixel| fragments[pixel] = NONE);
         }
         Ok(())
     }
@@ -264,8 +264,9 @@ impl<T: Scalar> Op<T> for CompositeLayers {
     }
 
     fn saved_bytes(&self, saved: &Saved<T>) -> usize {
-        let of = |lists: &[Vec<T>]| lists.iter().map(|list| size_of_val(&list[..])).sum::<usize>();
+        let bytes =
+            |lists: &[Vec<T>]| lists.iter().map(|list| size_of_val(&list[..])).sum::<usize>();
         let next = saved.next.iter().map(|list| size_of_val(&list[..])).sum::<usize>();
-        of(&saved.seen) + of(&saved.alphas) + next
+        bytes(&saved.seen) + bytes(&saved.alphas) + next
     }
 }

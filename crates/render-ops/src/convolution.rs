@@ -207,15 +207,15 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             }
             for k in 0..rows {
                 let to = k * stride + overlap + start;
-                for at in (0..width).step_by(BLOCK) {
-                    let center = (k + reach) * width + at;
+                for offset in (0..width).step_by(BLOCK) {
+                    let center = (k + reach) * width + offset;
                     if with_slope {
                         let [sums, by_sigma] = window_sums(strip, center, width, weights, &window);
-                        *block_mut(blurred, to + at) = sums;
-                        *block_mut(slopes, to + at) = by_sigma;
+                        *block_mut(blurred, to + offset) = sums;
+                        *block_mut(slopes, to + offset) = by_sigma;
                     } else {
                         let sums = window_sum(strip, center, width, weights);
-                        *block_mut(blurred, to + at) = sums;
+                        *block_mut(blurred, to + offset) = sums;
                     }
                 }
             }
@@ -277,9 +277,9 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         let weights = &self.along_rows.weights[..=reach];
         let window = self.along_rows.window(reach);
         for k in 0..out.len() / row {
-            for at in (0..row).step_by(BLOCK) {
-                let center = k * stride + overlap + at;
-                let range = k * row + at..k * row + row.min(at + BLOCK);
+            for offset in (0..row).step_by(BLOCK) {
+                let center = k * stride + overlap + offset;
+                let range = k * row + offset..k * row + row.min(offset + BLOCK);
                 if slope.is_empty() {
                     let sums = window_sum(&memory.rows, center, self.channels, weights);
                     put(&mut out[range], &sums);

@@ -25,9 +25,9 @@ impl Corners {
         let mut next = starts.clone();
         let mut corners = vec![0; 3 * faces.len()];
         for (corner, &vertex) in faces.as_flattened().iter().enumerate() {
-            let place = &mut next[vertex as usize];
-            corners[*place] = corner;
-            *place += 1;
+            let position = &mut next[vertex as usize];
+            corners[*position] = corner;
+            *position += 1;
         }
         Self { starts, corners }
     }

@@ -100,9 +100,9 @@ impl Coverage {
     /// covers a pixel outside the image.
     pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
         let Boundary { pixels, .. } = &self.boundary;
-        let at = u32::try_from(pixel).ok().and_then(|pixel| pixels.binary_search(&pixel).ok());
-        match at {
-            Some(at) => self.boundary.largest_of(at).map(|fragment| fragment as usize),
+        let index = u32::try_from(pixel).ok().and_then(|pixel| pixels.binary_search(&pixel).ok());
+        match index {
+            Some(index) => self.boundary.largest_of(index).map(|fragment| fragment as usize),
             None => {
                 self.run_at(pixel).map(|run| run.fragment as usize + pixel - run.pixel as usize)
             }
@@ -218,10 +218,10 @@ impl Coverage {
         if pixel >= self.size.pixels() {
             return None;
         }
-        let [row, _] = self.size.place(pixel);
+        let [row, _] = self.size.row_and_column(pixel);
         let runs = &self.by_pixel[self.row(row)];
-        let run = |at: u32| &self.centers.runs[at as usize];
-        let after = runs.partition_point(|&at| run(at).pixel as usize <= pixel);
+        let run = |index: u32| &self.centers.runs[index as usize];
+        let after = runs.partition_point(|&index| run(index).pixel as usize <= pixel);
         let run = run(runs[after.checked_sub(1)?]);
         run.pixels().contains(&pixel).then_some(run)
     }
@@ -234,7 +234,7 @@ impl Coverage {
     /// The runs at pixel centres of a row, from the left.
     #[inline(always)]
     pub(crate) fn runs_in_row(&self, row: usize) -> impl ExactSizeIterator<Item = &Run> + '_ {
-        self.by_pixel[self.row(row)].iter().map(|&at| &self.centers.runs[at as usize])
+        self.by_pixel[self.row(row)].iter().map(|&index| &self.centers.runs[index as usize])
     }
 
     /// [`Mesh::is_silhouette`], as the mesh is seen.

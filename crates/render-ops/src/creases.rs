@@ -237,8 +237,9 @@ impl<'a, T: Scalar> Surface<'a, T> {
         if other < face {
             return None;
         }
-        let place = |k: usize| (0..3).find(|&corner| faces[other][corner] == faces[face][k % 3]);
-        let (p, q) = (place(corner + 1)?, place(corner + 2)?);
+        let corner_of =
+            |k: usize| (0..3).find(|&corner| faces[other][corner] == faces[face][k % 3]);
+        let (p, q) = (corner_of(corner + 1)?, corner_of(corner + 2)?);
         Some(Beyond { face: other, is_opposite, corners: [p, q, 3 - p - q] })
     }
 

@@ -29,13 +29,13 @@ pub(crate) fn direction(face: usize, [s, t]: [f64; 2]) -> [f64; 3] {
 }
 
 /// s or t of a line, in texels from the border of a face with so many of them along a side.
-pub(crate) fn ratio(at: f64, extent: usize) -> f64 {
-    2.0 * at / extent as f64 - 1.0
+pub(crate) fn ratio(position: f64, extent: usize) -> f64 {
+    2.0 * position / extent as f64 - 1.0
 }
 
 /// The direction to the middle of a texel.
 pub(crate) fn towards_texel(face: usize, [row, column]: [isize; 2], extent: usize) -> [f64; 3] {
-    direction(face, [column, row].map(|at| ratio(at as f64 + 0.5, extent)))
+    direction(face, [column, row].map(|position| ratio(position as f64 + 0.5, extent)))
 }
 
 /// The solid angle of a rectangle on a face, between these s and t.

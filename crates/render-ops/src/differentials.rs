@@ -123,7 +123,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         let two = S::from_f64(2.0);
         let mut k = 0;
         for run in runs.within(slot, fragments) {
-            let [mut x, y] = self.face.place(run.pixel as usize, size);
+            let [mut x, y] = self.face.center_offset(run.pixel as usize, size);
             let start = self.sums[0] + self.sums[2] * y;
             let last = self.last + self.slopes[2][1] * y;
             for uv in &uv[k..k + run.length as usize] {
@@ -140,8 +140,8 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     /// `F_ik - b_i T_k` for vertices 0 and 1.
     #[inline(always)]
     fn slopes_at(&self, [u, v, _]: [S; 3]) -> [[S; 2]; 2] {
-        let of = |i: usize, b: S| [0, 1].map(|k| self.slopes[i][k] - b * self.sums[k + 1]);
-        [of(0, u), of(1, v)]
+        let slope = |i: usize, b: S| [0, 1].map(|k| self.slopes[i][k] - b * self.sums[k + 1]);
+        [slope(0, u), slope(1, v)]
     }
 }
 
@@ -180,11 +180,11 @@ impl<T: Scalar> Op<T> for Differentials {
         coverage.for_each_slot_mut(
             out,
             #[inline(always)]
-            |runs, slot, fragments, own| {
+            |runs, slot, fragments, entries| {
                 let plane = Plane::new(coverage, clip, runs, slot);
-                let (out, uv) = (own.as_chunks_mut::<4>().0, &uv[fragments]);
-                let own = runs.fragments_of(slot..slot + 1);
-                plane.for_each(coverage.size, (runs, slot), own, uv, |k, (b, w)| {
+                let (out, uv) = (entries.as_chunks_mut::<4>().0, &uv[fragments]);
+                let fragments = runs.fragments_of(slot..slot + 1);
+                plane.for_each(coverage.size, (runs, slot), fragments, uv, |k, (b, w)| {
                     let [u, v] = plane.slopes_at(b);
                     out[k] = [x * u[0], y * u[1], x * v[0], y * v[1]].map(|s| T::narrow(w * s));
                 });
@@ -213,9 +213,9 @@ impl<T: Scalar> Op<T> for Differentials {
             coverage.for_each_slot_mut(
                 entries,
                 #[inline(always)]
-                |runs, slot, fragments, own| {
+                |runs, slot, fragments, entries| {
                     let plane = Plane::new(coverage, clip, runs, slot);
-                    let (own, uv) = (own.as_chunks_mut::<2>().0, &uv[fragments.clone()]);
+                    let (entries, uv) = (entries.as_chunks_mut::<2>().0, &uv[fragments.clone()]);
                     let (bars, fragments) = (&bars[fragments], runs.fragments_of(slot..slot + 1));
                     plane.for_each(coverage.size, (runs, slot), fragments, uv, |k, (b, w)| {
                         let q = upstream(&bars[k]);
@@ -227,8 +227,9 @@ impl<T: Scalar> Op<T> for Differentials {
                             }
                         }
                         let bar = bar.map(T::narrow);
-                        let own = &mut own[k];
-                        *own = if is_fresh { bar } else { [own[0] + bar[0], own[1] + bar[1]] };
+                        let entry = &mut entries[k];
+                        *entry =
+                            if is_fresh { bar } else { [entry[0] + bar[0], entry[1] + bar[1]] };
                     });
                 },
             );
@@ -271,11 +272,12 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         let scale = -T::Wide::ONE / plane.face.determinant();
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let by_w = if plane.is_of_pieces { T::Wide::ZERO } else { w_bars[i] };
-            let of = |j: usize| {
+            let edge_bar = |j: usize| {
                 let along = slopes_bar[j][0] * plane.slopes[i][0];
                 along + slopes_bar[j][1] * plane.slopes[i][1] - by_w
             };
-            let along = plane.face.along_edges([of(0), of(1), of(2)], coverage.size);
+            let along =
+                plane.face.along_edges([edge_bar(0), edge_bar(1), edge_bar(2)], coverage.size);
             let [x_bar, y_bar, w_bar] = along.map(|bar| scale * bar);
             let direct = if plane.is_of_pieces { w_bars[i] } else { T::Wide::ZERO };
             row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar + direct]);

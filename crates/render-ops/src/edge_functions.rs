@@ -103,11 +103,11 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
 
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
-    pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
+    pub(crate) fn center_offset(&self, pixel: usize, size: Size) -> [S; 2] {
         self.offset_of(size.center(pixel))
     }
 
-    /// Where `place` lies from the origin.
+    /// Where a point lies from the origin.
     #[inline(always)]
     pub(crate) fn offset_of(&self, [x, y]: [S; 2]) -> [S; 2] {
         [x - self.origin[0], y - self.origin[1]]

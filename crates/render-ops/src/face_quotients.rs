@@ -55,13 +55,13 @@ pub(crate) fn quotients<'t, T: Scalar, Q: Quotient>(
     coverage.check_shaded(Q::NAME)?;
     let inputs = [fragments.clip, fragments.barycentrics];
     let count = if coverage.is_exact() { 2 } else { 1 };
-    tape.apply(OfFragments::<Q> { coverage, of: PhantomData }, &inputs[..count])
+    tape.apply(OfFragments::<Q> { coverage, quotient: PhantomData }, &inputs[..count])
 }
 
 /// Inputs: clip `[V, 4]`, and with exact coverage barycentrics `[N, 2]`. Output: quotients `[N]`.
 struct OfFragments<Q> {
     coverage: Arc<Coverage>,
-    of: PhantomData<Q>,
+    quotient: PhantomData<Q>,
 }
 
 /// The face of slot `slot` around the slot's first pixel, and n and m of its vertices.
@@ -112,13 +112,13 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
             for slot in slots {
                 let (face, terms) = face_of::<T, Q>(coverage, clip, slot);
                 for run in coverage.centers.in_slot(slot) {
-                    let [mut x, y] = face.place(run.pixel as usize, coverage.size);
+                    let [mut x, y] = face.center_offset(run.pixel as usize, coverage.size);
                     let row = face.row(y);
                     let range = run.fragments().start - first..run.fragments().end - first;
                     for value in &mut values[range] {
                         let a = row.map(|[start, slope]| start + slope * x);
-                        let [found, _] = quotient(&terms, a);
-                        *value = T::narrow(Q::within_range(found));
+                        let [ratio, _] = quotient(&terms, a);
+                        *value = T::narrow(Q::within_range(ratio));
                         x += two;
                     }
                 }
@@ -135,13 +135,17 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         let (coverage, clip, bars) = (&*self.coverage, kept.input(0), kept.only_upstream());
         let pieces = |barycentrics| {
             let mean = move |run: &Run| {
-                let at = coverage.centers() + run.fragment as usize;
-                (Mean::new::<T, Q>(coverage, clip, barycentrics, run), bars[at].widen(), at)
+                let fragment = coverage.centers() + run.fragment as usize;
+                (
+                    Mean::new::<T, Q>(coverage, clip, barycentrics, run),
+                    bars[fragment].widen(),
+                    fragment,
+                )
             };
             coverage.pieces.runs.iter().map(mean)
         };
         if let Some(clip_bar) = gradients.get(0) {
-            let pull_back = PullBack::<T, Q> { coverage, clip, bars, of: PhantomData };
+            let pull_back = PullBack::<T, Q> { coverage, clip, bars, quotient: PhantomData };
             let runs = &coverage.centers;
             Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
             if kept.input_count() == 2 {
@@ -163,10 +167,10 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         }
         let Some(barycentrics_bar) = gradients.get(1) else { return };
         let entries = barycentrics_bar.entries();
-        for (mean, bar, at) in pieces(kept.input(1)) {
+        for (mean, bar, fragment) in pieces(kept.input(1)) {
             let [u_bar, v_bar] = mean.slopes().map(|slope| T::narrow(bar * slope));
-            entries[2 * at] += u_bar;
-            entries[2 * at + 1] += v_bar;
+            entries[2 * fragment] += u_bar;
+            entries[2 * fragment + 1] += v_bar;
         }
     }
 }
@@ -191,8 +195,8 @@ impl<S: Scalar<Wide = S>> Mean<S> {
         piece: &Run,
     ) -> Self {
         let indices = coverage.mesh.faces()[coverage.pieces.face_of(piece)];
-        let at = coverage.centers() + piece.fragment as usize;
-        let [u, v] = [0, 1].map(|k| barycentrics[2 * at + k].widen());
+        let fragment = coverage.centers() + piece.fragment as usize;
+        let [u, v] = [0, 1].map(|k| barycentrics[2 * fragment + k].widen());
         let weights = [u, v, S::ONE - u - v];
         let terms = indices.map(|index| {
             let [x, y, z, w] = std::array::from_fn(|k| clip[4 * index as usize + k].widen());
@@ -214,7 +218,7 @@ struct PullBack<'a, T, Q> {
     coverage: &'a Coverage,
     clip: &'a [T],
     bars: &'a [T],
-    of: PhantomData<Q>,
+    quotient: PhantomData<Q>,
 }
 
 impl<T: Scalar, Q: Quotient> FaceSums<T::Wide> for PullBack<'_, T, Q> {
@@ -224,17 +228,17 @@ impl<T: Scalar, Q: Quotient> FaceSums<T::Wide> for PullBack<'_, T, Q> {
         let (mut edges, mut direct) = (EdgeSums::default(), [[T::Wide::ZERO; 2]; 3]);
         let two = T::Wide::from_f64(2.0);
         for run in self.coverage.centers.within(slot, fragments) {
-            let [mut x, y] = face.place(run.pixel as usize, size);
+            let [mut x, y] = face.center_offset(run.pixel as usize, size);
             let row = face.row(y);
             for bar in &self.bars[run.fragments()] {
                 let a = row.map(|[start, slope]| start + slope * x);
-                let [found, m] = quotient(&terms, a);
+                let [ratio, m] = quotient(&terms, a);
                 let scale = bar.widen() / m;
-                let a_bar = terms.map(|[n, m]| scale * (n - found * m));
+                let a_bar = terms.map(|[n, m]| scale * (n - ratio * m));
                 edges.add_row(a_bar, a_bar.map(|a_bar| x * a_bar), y);
                 for (direct, a) in direct.iter_mut().zip(a) {
                     direct[0] += scale * a;
-                    direct[1] -= scale * found * a;
+                    direct[1] -= scale * ratio * a;
                 }
                 x += two;
             }

@@ -5,12 +5,12 @@
 //! the result is bitwise the same for any number of threads.
 //!
 //! ```text
-//! Layout::add_to, add_to_beside          with 3 or 4 numbers per vertex as arrays, otherwise as slices
+//! Layout::add_to, add_to_and_visit       with 3 or 4 numbers per vertex as arrays, otherwise as slices
 //!   |-- one thread:       walk(all slots), and each face's rows go to its vertices at once
 //!   `-- several threads:  walk(slots of a band) into a list of rows; lists are added in the order of bands
 //!
 //! walk, for each slot                    a face with its fragments in a band
-//!   |-- beside            what else the caller does with them, while they are in the cache
+//!   |-- visit             what else the caller does with them, while they are in the cache
 //!   |-- FaceSums::sum     the sums over the fragments as rows, one per vertex; most by sum_weighted
 //!   `-- emit              the face and its rows
 //! ```
@@ -51,7 +51,8 @@ pub(crate) trait Terms<T: Scalar> {
     type From: Copy;
 
     /// Three numbers of each of `N` fragments, from their u and v.
-    fn of<const N: usize>(uv: [&[T::Wide; N]; 2], from: &[Self::From; N]) -> [[T::Wide; N]; 3];
+    fn compute<const N: usize>(uv: [&[T::Wide; N]; 2], from: &[Self::From; N])
+    -> [[T::Wide; N]; 3];
 }
 
 /// The sums over some fragments of a face of their weights times three numbers each: `sums[c][i]` of
@@ -68,7 +69,7 @@ pub(crate) fn sum_weighted<T: Scalar, F: Terms<T>>(
     for (uv, from) in uv[whole..].iter().zip(&from[whole..]) {
         let [u, v] = uv.map(T::widen);
         let b = [u, v, T::Wide::ONE - u - v, T::Wide::ZERO];
-        let terms = F::of([&[u], &[v]], &[*from]);
+        let terms = F::compute([&[u], &[v]], &[*from]);
         for (sums, [term]) in sums.iter_mut().zip(terms) {
             for i in 0..4 {
                 sums[i] += b[i] * term;
@@ -87,9 +88,10 @@ pub(crate) fn sum_weighted<T: Scalar, F: Terms<T>>(
 fn add_many<T: Scalar, F: Terms<T>>(uv: &[[T; 2]], from: &[F::From], sums: &mut [[T::Wide; 3]; 3]) {
     let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 3];
     for (uv, from) in uv.as_chunks::<PARTS>().0.iter().zip(from.as_chunks::<PARTS>().0) {
-        let of = |k: usize| -> [T::Wide; PARTS] { std::array::from_fn(|part| uv[part][k].widen()) };
-        let (u, v) = (of(0), of(1));
-        let terms = F::of([&u, &v], from);
+        let widened =
+            |k: usize| -> [T::Wide; PARTS] { std::array::from_fn(|part| uv[part][k].widen()) };
+        let (u, v) = (widened(0), widened(1));
+        let terms = F::compute([&u, &v], from);
         for part in 0..PARTS {
             let b = [u[part], v[part], T::Wide::ONE - u[part] - v[part]];
             for c in 0..3 {
@@ -135,52 +137,48 @@ impl Layout<'_> {
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
     ) {
-        self.add_to_beside(gradient, by_face, &mut [], |_, _, _| ());
+        self.add_to_and_visit(gradient, by_face, &mut [], |_, _, _| ());
     }
 
-    /// [`Layout::add_to`], and in the same walk `beside(slot, fragments, own)` for each slot, with its
+    /// [`Layout::add_to`], and in the same walk `visit(slot, fragments, entries)` for each slot, with its
     /// fragments and their entries of `entries`: what a slot's fragments have upstream is then read from
     /// memory once. Each fragment has as many entries.
     #[inline(always)]
-    pub(crate) fn add_to_beside<T: Scalar>(
+    pub(crate) fn add_to_and_visit<T: Scalar>(
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
         entries: &mut [T],
-        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
+        visit: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
         // Arrays have a length that the compiler knows; attributes of up to eight channels need no allocation.
         let length = 3 * self.width;
         match self.width {
-            3 => self.add_rows(
-                gradient,
-                by_face,
-                entries,
-                beside,
-                ([T::Wide::ZERO; 9], [T::ZERO; 9]),
-            ),
+            3 => {
+                self.add_rows(gradient, by_face, entries, visit, ([T::Wide::ZERO; 9], [T::ZERO; 9]))
+            }
             4 => self.add_rows(
                 gradient,
                 by_face,
                 entries,
-                beside,
+                visit,
                 ([T::Wide::ZERO; 12], [T::ZERO; 12]),
             ),
             _ => {
                 let wide: SmallVec<[T::Wide; 24]> = smallvec![T::Wide::ZERO; length];
                 let narrow: SmallVec<[T; 24]> = smallvec![T::ZERO; length];
-                self.add_rows(gradient, by_face, entries, beside, (wide, narrow));
+                self.add_rows(gradient, by_face, entries, visit, (wide, narrow));
             }
         }
     }
 
-    /// [`Layout::add_to_beside`] with memory for a face's three rows, in wide numbers and in narrow ones.
+    /// [`Layout::add_to_and_visit`] with memory for a face's three rows, in wide numbers and in narrow ones.
     fn add_rows<T: Scalar, W: RowMemory<T::Wide>, N: RowMemory<T>>(
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
         entries: &mut [T],
-        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
+        visit: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
         memory: (W, N),
     ) {
         let vertices = gradient.entries();
@@ -200,12 +198,12 @@ impl Layout<'_> {
         };
         if !self.runs.is_shared() {
             let slots = 0..self.runs.slots.len();
-            return self.walk(slots, by_face, entries, &beside, memory, &mut add);
+            return self.walk(slots, by_face, entries, &visit, memory, &mut add);
         }
-        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
+        let work = |slots: Range<usize>, _: usize, band_entries: &mut [T]| {
             let mut all_rows = Vec::with_capacity(slots.len() * 3 * self.width);
             let memory = memory.clone();
-            self.walk(slots, by_face, own, &beside, memory, &mut |_, rows: &[T]| {
+            self.walk(slots, by_face, band_entries, &visit, memory, &mut |_, rows: &[T]| {
                 all_rows.extend_from_slice(rows);
             });
             all_rows
@@ -219,13 +217,13 @@ impl Layout<'_> {
         });
     }
 
-    /// Calls `beside` with each of `slots`, and `emit` with its face and the gradients of its vertices.
+    /// Calls `visit` with each of `slots`, and `emit` with its face and the gradients of its vertices.
     fn walk<T: Scalar>(
         &self,
         slots: Range<usize>,
         by_face: &impl FaceSums<T::Wide>,
         entries: &mut [T],
-        beside: &impl Fn(usize, Range<usize>, &mut [T]),
+        visit: &impl Fn(usize, Range<usize>, &mut [T]),
         memory: (impl RowMemory<T::Wide>, impl RowMemory<T>),
         emit: &mut impl FnMut(usize, &[T]),
     ) {
@@ -239,8 +237,8 @@ impl Layout<'_> {
                 let mut rest = entries;
                 for slot in slots {
                     let fragments = runs.fragments_of(slot..slot + 1);
-                    let own = first_of(&mut rest, own_width * fragments.len());
-                    beside(slot, fragments.clone(), own);
+                    let slot_entries = first_of(&mut rest, own_width * fragments.len());
+                    visit(slot, fragments.clone(), slot_entries);
                     by_face.sum(slot, fragments.clone(), rows);
                     if !are_finite(rows) {
                         add_one_by_one(slot, fragments, by_face, rows);

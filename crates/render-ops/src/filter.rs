@@ -113,10 +113,10 @@ impl Filter {
         let is_within =
             |i: &isize| (twice(*i).unsigned_abs() as f64) < 2.0 * radius * factor as f64;
         let weight = |i: isize| self.weight(twice(i) as f64 / (2 * k) as f64);
-        let mut seen = (-reach..k + reach).filter(is_within).skip_while(|&i| weight(i) == 0.0);
+        let mut indices = (-reach..k + reach).filter(is_within).skip_while(|&i| weight(i) == 0.0);
         weights.clear();
-        let first = seen.next();
-        weights.extend(first.into_iter().chain(seen).map(weight));
+        let first = indices.next();
+        weights.extend(first.into_iter().chain(indices).map(weight));
         weights.truncate(weights.iter().rposition(|&w| w != 0.0).map_or(0, |last| last + 1));
         // From +0: a sum of no terms would be -0.
         let sum = weights.iter().fold(0.0, |sum, w| sum + w);

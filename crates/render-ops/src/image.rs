@@ -106,8 +106,8 @@ impl<T: Scalar> Op<T> for Image {
         } else {
             let entries = background_bar.entries();
             self.coverage.for_each_gap(self.rim(), |gap| {
-                for at in gap.start * channels..gap.end * channels {
-                    entries[at] += image_bar[at];
+                for index in gap.start * channels..gap.end * channels {
+                    entries[index] += image_bar[index];
                 }
             });
         }

@@ -133,7 +133,7 @@ impl<T: Scalar> Op<T> for Interpolate {
                     let (uv_bar, others) = rest.split_at_mut(2 * layout.runs.count);
                     rest = others;
                     // One walk for both: what is upstream is then read from memory once.
-                    layout.add_to_beside(
+                    layout.add_to_and_visit(
                         attributes_bar,
                         &shares,
                         uv_bar,
@@ -293,7 +293,7 @@ impl<T: Scalar> Terms<T> for Values {
     type From = [T; 3];
 
     #[inline(always)]
-    fn of<const N: usize>(_: [&[T::Wide; N]; 2], bars: &[[T; 3]; N]) -> [[T::Wide; N]; 3] {
+    fn compute<const N: usize>(_: [&[T::Wide; N]; 2], bars: &[[T; 3]; N]) -> [[T::Wide; N]; 3] {
         let mut terms = [[T::Wide::ZERO; N]; 3];
         for part in 0..N {
             for c in 0..3 {

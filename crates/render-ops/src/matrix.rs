@@ -54,9 +54,9 @@ pub(crate) fn write<T: Scalar>(matrix: &Matrix4<T::Wide>, entries: &mut [T]) {
 pub(crate) fn check_finite<T: Scalar>(entries: &[T]) -> Result<(), RenderError> {
     match entries.iter().position(|entry| !entry.is_finite()) {
         None => Ok(()),
-        Some(at) => {
-            let (row, column) = (at / 4 % 4, at % 4);
-            Err(RenderError::Camera { row, column, value: entries[at].to_f64() })
+        Some(index) => {
+            let (row, column) = (index / 4 % 4, index % 4);
+            Err(RenderError::Camera { row, column, value: entries[index].to_f64() })
         }
     }
 }

@@ -121,10 +121,10 @@ fn halve<T: Scalar, const N: usize>(
                 for (line, coarse) in lines {
                     let (face, row) = (line / rows, line % rows);
                     let (first, weights, count) = taps::<T>(row, height);
-                    let at = |k: usize| {
+                    let line_of = |k: usize| {
                         &fine[(face * height + first + k) * width * channels..][..width * channels]
                     };
-                    let fine = [at(0), at(1.min(count - 1)), at(count - 1)];
+                    let fine = [line_of(0), line_of(1.min(count - 1)), line_of(count - 1)];
                     if count == 2 && width % 2 == 0 && channels == N {
                         halve_even_rows::<T, N>(fine, coarse);
                     } else {

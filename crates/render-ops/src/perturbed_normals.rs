@@ -222,5 +222,5 @@ fn rows<'a, T>(data: [&'a [T]; 3]) -> impl Fn(usize) -> Row<'a, T> {
     let [normals, tangents, values] = data;
     let normals = normals.as_chunks::<3>().0;
     let (tangents, values) = (tangents.as_chunks::<4>().0, values.as_chunks::<3>().0);
-    move |at| (&normals[at], &tangents[at], &values[at])
+    move |row| (&normals[row], &tangents[row], &values[row])
 }

@@ -37,8 +37,8 @@ impl PictureRows<'_> {
             let rim = self.rim_within(before..rows.end * size.width);
             let values = &values[(self.coverage.centers() + rim.start) * channels..];
             for (&pixel, value) in self.rim[rim].iter().zip(values.chunks_exact(channels)) {
-                let at = (pixel as usize - before) * channels;
-                image[at..at + channels].copy_from_slice(value);
+                let start = (pixel as usize - before) * channels;
+                image[start..start + channels].copy_from_slice(value);
             }
         });
     }

@@ -224,9 +224,9 @@ fn behind<T: Scalar>(
     let mut tape = Tape::new();
     for rows in reference.data().chunks(PIXELS_AT_ONCE * references) {
         let pixels = rows.len() / references;
-        let seen = Tensor::from_flat_fn([pixels, channels], |k| background.data()[k % channels]);
+        let colors = Tensor::from_flat_fn([pixels, channels], |k| background.data()[k % channels]);
         let rows = Tensor::new([pixels, references], rows.to_vec())?;
-        let losses = function(tape.constant(&seen), tape.constant(&rows))?;
+        let losses = function(tape.constant(&colors), tape.constant(&rows))?;
         let width = checked_width(losses, pixels)?;
         let of_pixel = |row: &[T]| T::narrow(row.iter().map(|entry| entry.widen()).sum());
         let losses = losses.value();

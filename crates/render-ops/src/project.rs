@@ -133,13 +133,13 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         }
         let camera = match (self.fixed, self.camera_input()) {
             (Some(fixed), _) => fixed,
-            (None, at) => {
-                let at = at.expect("a camera is fixed or an input");
-                if **inputs.shape(at) != [4, 4] {
-                    return Err(refused(CAMERA_RULE, inputs, at));
+            (None, input) => {
+                let input = input.expect("a camera is fixed or an input");
+                if **inputs.shape(input) != [4, 4] {
+                    return Err(refused(CAMERA_RULE, inputs, input));
                 }
-                matrix::check_finite(inputs.data(at))?;
-                matrix::from_entries(inputs.data(at))
+                matrix::check_finite(inputs.data(input))?;
+                matrix::from_entries(inputs.data(input))
             }
         };
         let rotation =
@@ -154,7 +154,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let needs_camera = self.camera_input().is_some_and(|at| inputs.needs(at));
+        let needs_camera = self.camera_input().is_some_and(|input| inputs.needs(input));
         let needs_rotation = self.is_posed && inputs.needs(1);
         let needs_translation = self.is_posed && inputs.needs(2);
         let needs_either = needs_rotation || needs_camera;
@@ -163,7 +163,9 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
             .input_if(1, self.is_posed && (inputs.needs(0) || needs_either))
             .input_if(2, self.is_posed && needs_camera);
         match self.camera_input() {
-            Some(at) if inputs.needs(0) || needs_rotation || needs_translation => keep.input(at),
+            Some(input) if inputs.needs(0) || needs_rotation || needs_translation => {
+                keep.input(input)
+            }
             _ => keep,
         }
     }
@@ -172,7 +174,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let clip_bar = kept.only_upstream();
         let camera = || match (self.fixed, self.camera_input()) {
             (Some(fixed), _) => fixed,
-            (None, at) => matrix::from_entries(kept.input(at.expect("an input"))),
+            (None, input) => matrix::from_entries(kept.input(input.expect("an input"))),
         };
         let rotation = || self.is_posed.then(|| rotation::matrix(widened(kept.input(1))));
         if let Some(positions_bar) = gradients.get(0) {
@@ -181,7 +183,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
             add_points_bar(&with_shift(a, [T::Wide::ZERO; 4]), clip_bar, positions_bar);
         }
         let needs_rotation = self.is_posed && gradients.needs(1);
-        let needs_camera = self.camera_input().is_some_and(|at| gradients.needs(at));
+        let needs_camera = self.camera_input().is_some_and(|input| gradients.needs(input));
         if !needs_rotation && !needs_camera {
             if self.is_posed && gradients.needs(2) {
                 add_translation_bar(gradients, &camera(), sum(clip_bar));
@@ -203,7 +205,9 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         if self.is_posed && gradients.needs(2) {
             add_translation_bar(gradients, &camera(), b_bar);
         }
-        let Some(camera_bar) = self.camera_input().and_then(|at| gradients.get(at)) else { return };
+        let Some(camera_bar) = self.camera_input().and_then(|input| gradients.get(input)) else {
+            return;
+        };
         let rows = match rotation() {
             None => sums,
             Some(r) => {
@@ -230,6 +234,6 @@ fn add_translation_bar<T: Scalar>(
     translation_bar.add_each(|k| T::narrow(t_bar[k]));
 }
 
-fn refused<T: Scalar>(rule: &'static str, inputs: &Inputs<'_, T>, at: usize) -> RenderError {
-    RenderError::shape("project", rule, inputs.shape(at))
+fn refused<T: Scalar>(rule: &'static str, inputs: &Inputs<'_, T>, input: usize) -> RenderError {
+    RenderError::shape("project", rule, inputs.shape(input))
 }

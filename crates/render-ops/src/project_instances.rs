@@ -96,8 +96,8 @@ fn for_each_instance(
     while row < rows.end {
         let (instance, first) = (row / vertices, row % vertices);
         let count = (vertices - first).min(rows.end - row);
-        let place = row - rows.start;
-        visit(instance, first..first + count, place..place + count);
+        let start = row - rows.start;
+        visit(instance, first..first + count, start..start + count);
         row += count;
     }
 }
@@ -135,9 +135,9 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
             }
         };
         let (positions, matrices) = (inputs.data(0), inputs.data(1));
-        if let Some(at) = matrices.iter().position(|entry| !entry.is_finite()) {
-            let rule = format!("finite entries of matrix {}", at / 16);
-            return Err(RenderError::value(NAME, rule, matrices[at].to_f64()));
+        if let Some(index) = matrices.iter().position(|entry| !entry.is_finite()) {
+            let rule = format!("finite entries of matrix {}", index / 16);
+            return Err(RenderError::value(NAME, rule, matrices[index].to_f64()));
         }
         let rows = instances.saturating_mul(vertices);
         if rows >= 1 << 31 {
@@ -153,8 +153,8 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
             let clip = clip.as_chunks_mut::<4>().0;
             let first = piece * POINTS_PER_PIECE;
-            for_each_instance(first..first + clip.len(), vertices, |instance, own, place| {
-                map_piece(&products[instance], &points[own], &mut clip[place]);
+            for_each_instance(first..first + clip.len(), vertices, |instance, range, rows| {
+                map_piece(&products[instance], &points[range], &mut clip[rows]);
             });
         });
         Ok(())
@@ -232,9 +232,9 @@ fn sum_moments<T: Scalar>(
     let together = (POINTS_PER_PIECE / vertices.max(1)).max(1);
     write_each(moments, together, |index| {
         let (instance, piece) = (index / pieces, index % pieces);
-        let own = piece * POINTS_PER_PIECE..((piece + 1) * POINTS_PER_PIECE).min(vertices);
+        let range = piece * POINTS_PER_PIECE..((piece + 1) * POINTS_PER_PIECE).min(vertices);
         let first = instance * vertices;
-        piece_moments(&points[own.clone()], &bars[first + own.start..first + own.end])
+        piece_moments(&points[range.clone()], &bars[first + range.start..first + range.end])
     });
     for moments in moments.chunks_exact_mut(pieces.max(1)) {
         let (total, others) = moments.split_first_mut().expect("a piece at least");

@@ -33,8 +33,8 @@ impl Rows {
         if data.chunks(1024).all(is_finite) {
             return Ok(());
         }
-        let at = data.iter().position(|entry| !entry.is_finite()).unwrap_or_default();
-        let rule = format!("finite numbers in row {} of the {name}", at / shape[1]).into();
-        Err(TensorError::Value { operation, rule, value: data[at].to_f64() }.into())
+        let index = data.iter().position(|entry| !entry.is_finite()).unwrap_or_default();
+        let rule = format!("finite numbers in row {} of the {name}", index / shape[1]).into();
+        Err(TensorError::Value { operation, rule, value: data[index].to_f64() }.into())
     }
 }

@@ -30,7 +30,7 @@ impl Size {
 
     /// The row and the column of `pixel`.
     #[inline(always)]
-    pub(crate) fn place(self, pixel: usize) -> [usize; 2] {
+    pub(crate) fn row_and_column(self, pixel: usize) -> [usize; 2] {
         // Pixels are counted in 32 bits, whose division takes half the time.
         let (pixel, width) = (pixel as u32, self.width as u32);
         [(pixel / width) as usize, (pixel % width) as usize]
@@ -39,7 +39,7 @@ impl Size {
     /// The scaled coordinates of the centre of `pixel`.
     #[inline(always)]
     pub(crate) fn center<S: Scalar>(self, pixel: usize) -> [S; 2] {
-        let [row, column] = self.place(pixel);
+        let [row, column] = self.row_and_column(pixel);
         [self.center_x(column), self.center_y(row)]
     }
 
@@ -60,9 +60,9 @@ impl Size {
     }
 }
 
-/// Twice the place of the centre of row or column `at` in pixels.
-fn center(at: usize) -> f64 {
-    2.0 * extent(at) + 1.0
+/// Twice the place of the centre of row or column `index` in pixels.
+fn center(index: usize) -> f64 {
+    2.0 * extent(index) + 1.0
 }
 
 /// A number of rows or columns: they are counted in 32 bits, whose conversion takes a third of the

@@ -92,31 +92,31 @@ impl<T: Scalar> SquaredError<T> {
         let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
         let reference = reference.data();
         let runs = &coverage.centers;
-        let (own, rim_own) = slopes.split_at_mut(coverage.centers() * channels);
-        let (x_own, x_rim) = x.split_at(own.len());
+        let (covered, rim) = slopes.split_at_mut(coverage.centers() * channels);
+        let (x_covered, x_rim) = x.split_at(covered.len());
         let square = |difference: &T| difference.widen() * difference.widen();
         let two = T::from_f64(2.0);
         let mut total = T::Wide::ZERO;
-        let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
-            let x = &x_own[first * channels..][..own.len()];
+        let work = |slots: Range<usize>, first: usize, covered: &mut [T]| {
+            let x = &x_covered[first * channels..][..covered.len()];
             crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
-                    let mut at = 0;
+                    let mut start = 0;
                     for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
-                        subtract(length, &mut own[at..], &x[at..], reference);
-                        at += length;
+                        subtract(length, &mut covered[start..], &x[start..], reference);
+                        start += length;
                     }
-                    let sum = sum_of_squares(own);
-                    own.iter_mut().for_each(|difference| *difference *= two);
+                    let sum = sum_of_squares(covered);
+                    covered.iter_mut().for_each(|difference| *difference *= two);
                     sum
                 },
             )
         };
-        runs.merge_bands_mut(channels, own, work, |band| total += band);
-        let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
+        runs.merge_bands_mut(channels, covered, work, |band| total += band);
+        let rows = rim.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in self.rim().iter().zip(rows) {
             let reference = &reference[pixel as usize * channels..][..channels];
             row.iter_mut().zip(x.iter().zip(reference)).for_each(|(row, (&x, &r))| *row = x - r);
@@ -167,20 +167,20 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         slopes: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let own = slopes.take().unwrap_or_else(|| {
+        let slopes_now = slopes.take().unwrap_or_else(|| {
             let x = kept.input(0);
-            let mut own = gradients.buffer(x.len());
-            self.compare(x, &mut own);
-            own
+            let mut slopes_now = gradients.buffer(x.len());
+            self.compare(x, &mut slopes_now);
+            slopes_now
         });
         let factor = kept.only_upstream()[0];
         if factor.is_same(T::ONE) {
-            return gradients.give(0, own);
+            return gradients.give(0, slopes_now);
         }
         if let Some(x_bar) = gradients.get(0) {
-            x_bar.add_zipped([&own], |[slope]| factor * slope);
+            x_bar.add_zipped([&slopes_now], |[slope]| factor * slope);
         }
-        *slopes = Some(own);
+        *slopes = Some(slopes_now);
     }
 
     fn saved_bytes(&self, slopes: &Self::Saved) -> usize {

@@ -190,9 +190,9 @@ impl<T: Scalar> Op<T> for TransformNormals {
         let normals = kept.input(0).as_chunks::<3>().0;
         let out_bar = kept.only_upstream().as_chunks::<3>().0;
         // The normal times a power of two, that power, and the gradient of its transform.
-        let v_bar = |at: usize| {
-            let Transformed { normal, factor, direction } = linear.apply(normals[at]);
-            let bar = direction.map(|direction| direction.pull_back(out_bar[at].map(T::widen)));
+        let v_bar = |row: usize| {
+            let Transformed { normal, factor, direction } = linear.apply(normals[row]);
+            let bar = direction.map(|direction| direction.pull_back(out_bar[row].map(T::widen)));
             (normal, factor, bar)
         };
         if let Some(normals_bar) = gradients.get(0) {
@@ -220,8 +220,8 @@ impl<T: Scalar> Op<T> for TransformNormals {
             ROWS_PER_PIECE,
             |range, sum| {
                 *sum = zero;
-                for at in range {
-                    let (normal, _, bar) = v_bar(at);
+                for row in range {
+                    let (normal, _, bar) = v_bar(row);
                     let Some(bar) = bar else { continue };
                     add(sum, bar.map(|entry| scaled(entry, normal)));
                 }

@@ -64,9 +64,9 @@ struct Frame<S> {
 }
 
 impl<S: Scalar<Wide = S>> Frame<S> {
-    /// `place` is the row and the column of the first pixel.
-    fn new(place: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
-        let [mut row, mut column] = place;
+    /// `pixel` is the row and the column of the first pixel.
+    fn new(pixel: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
+        let [mut row, mut column] = pixel;
         if !covers_first {
             if below { row += 1 } else { column += 1 }
         }
@@ -279,8 +279,8 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         clip: &[T],
         size: Size,
     ) -> [[S; 3]; 2] {
-        let place = size.place(self.pixel as usize);
-        let frame = Frame::new(place, self.below, self.covers_first, size);
+        let pixel = size.row_and_column(self.pixel as usize);
+        let frame = Frame::new(pixel, self.below, self.covers_first, size);
         let [(p, p_factor), (q, q_factor)] =
             self.edge.map(|index| Vertex::from_clip(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));

@@ -172,7 +172,7 @@ impl<T: Scalar> Found<T> {
     }
 
     /// Finds the rim, and the rows of the blends' pixels.
-    fn place(&mut self, coverage: &Coverage) {
+    fn find_rows(&mut self, coverage: &Coverage) {
         let Self { blends, rows, rim, marks, .. } = self;
         if rim.as_mut().and_then(Arc::get_mut).is_none() {
             *rim = None;
@@ -190,11 +190,11 @@ impl<T: Scalar> Found<T> {
             }
         };
         // A bit for each pixel: in the order of pixels, each once, without sorting.
-        let place = |pixel: u32| (pixel as usize / 64, pixel % 64);
+        let word_and_bit = |pixel: u32| (pixel as usize / 64, pixel % 64);
         marks.clear();
         marks.resize(size.pixels().div_ceil(64), (0, 0));
         for_each_missing(&mut |pixel, _| {
-            let (word, bit) = place(pixel);
+            let (word, bit) = word_and_bit(pixel);
             marks[word].0 |= 1 << bit;
         });
         for (word, (bits, before)) in
@@ -208,11 +208,11 @@ impl<T: Scalar> Found<T> {
             }
         }
         for_each_missing(&mut |pixel, row| {
-            let (word, bit) = place(pixel);
+            let (word, bit) = word_and_bit(pixel);
             let (bits, before) = marks[word];
             // Its place in the order of pixels: marks before its word, and before its bit.
-            let at = before + (bits & ((1 << bit) - 1)).count_ones();
-            *row = coverage.count() as u32 + at;
+            let index = before + (bits & ((1 << bit) - 1)).count_ones();
+            *row = coverage.count() as u32 + index;
         });
     }
 
@@ -231,12 +231,12 @@ impl<T: Scalar> Found<T> {
             sums[target(blend, rows) as usize] += blend.alpha.abs();
         }
         joint.clear();
-        for (at, (blend, rows)) in (0..).zip(placed()) {
+        for (index, (blend, rows)) in (0..).zip(placed()) {
             let row = target(blend, rows);
             let sum = sums[row as usize];
             // The sum of one share is that share, to the bit.
             if sum != blend.alpha.abs() {
-                joint.push(Joint { row, blend: at, sum });
+                joint.push(Joint { row, blend: index, sum });
             }
         }
         joint.sort_unstable_by_key(|joint| (joint.row, joint.blend));
@@ -288,25 +288,25 @@ impl<T: Scalar> Found<T> {
     }
 
     /// Adds the gradient of the background behind the rim, whose k-th pixel has its entries from
-    /// `place(k)` on. The first `covered` entries of `out_bar` are those of fragments.
+    /// `start_of(k)` on. The first `covered` entries of `out_bar` are those of fragments.
     fn add_background_bars(
         &self,
         out_bar: &[T],
         [covered, channels]: [usize; 2],
-        place: impl Fn(usize) -> usize,
+        start_of: impl Fn(usize) -> usize,
         background_bar: &mut [T],
     ) {
         for (k, bar) in out_bar[covered..].chunks_exact(channels).enumerate() {
-            let entries = &mut background_bar[place(k)..][..channels];
+            let entries = &mut background_bar[start_of(k)..][..channels];
             entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
         }
         for (blend, entries, target) in self.placed(channels) {
             let alpha = T::narrow(blend.alpha);
             for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
                 let Some(rim_entry) = entry.checked_sub(covered) else { continue };
-                let at = place(rim_entry / channels);
+                let start = start_of(rim_entry / channels);
                 for c in 0..channels {
-                    background_bar[at + c] += sign * (alpha * out_bar[target + c]);
+                    background_bar[start + c] += sign * (alpha * out_bar[target + c]);
                 }
             }
         }
@@ -369,12 +369,12 @@ impl<T: Scalar> Found<T> {
             // A share a_k was divided by S, the sum of all |a_k| here. So with a_k the pixel changes by
             // `(step_k - sign(a_k) moved) / S`, where `moved` is by how much it was moved in all.
             for c in 0..channels {
-                let at = |joint: &Joint<_>| joint.blend as usize * channels + c;
-                let moved = same.iter().map(|k| blend(k).alpha * steps[at(k)].widen());
+                let index = |joint: &Joint<_>| joint.blend as usize * channels + c;
+                let moved = same.iter().map(|k| blend(k).alpha * steps[index(k)].widen());
                 let moved: T::Wide = moved.sum();
                 for k in same {
                     let moved = if blend(k).target() == 0 { moved } else { -moved };
-                    steps[at(k)] = T::narrow((steps[at(k)].widen() - moved) / k.sum);
+                    steps[index(k)] = T::narrow((steps[index(k)].widen() - moved) / k.sum);
                 }
             }
         }
@@ -417,7 +417,7 @@ struct Outlines<S> {
 #[derive(Debug, Clone, Copy)]
 struct OfSlot {
     /// Beyond all outlines for a face without silhouettes.
-    at: u32,
+    outline: u32,
     face: u32,
     /// See [`Outline::counts`].
     counts: Directions,
@@ -441,7 +441,8 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
             let before = self.outlines.len() as u32;
             self.outlines.append(&mut piece.outlines);
-            let known = |of: OfSlot| OfSlot { at: of.at.saturating_add(before), ..of };
+            let known =
+                |slot: OfSlot| OfSlot { outline: slot.outline.saturating_add(before), ..slot };
             self.of_slot.extend(piece.of_slot.drain(..).map(known));
         });
     }
@@ -458,11 +459,11 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         for slot in &coverage.centers.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let mut of_slot = OfSlot { at: u32::MAX, face: slot.face, counts: 0 };
+            let mut of_slot = OfSlot { outline: u32::MAX, face: slot.face, counts: 0 };
             if silhouettes != 0 {
                 let indices = coverage.mesh().faces()[face];
                 let outline = Outline::new(clip, indices, silhouettes, coverage.size());
-                of_slot.at = self.outlines.len() as u32;
+                of_slot.outline = self.outlines.len() as u32;
                 of_slot.counts = outline.counts();
                 self.outlines.push(outline);
             }
@@ -485,7 +486,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
         let Search { neighbors, blends, fragments } = search;
         blends.clear();
         fragments.clear();
-        let seen = |slot: usize| {
+        let face_of = |slot: usize| {
             let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
             (face, counts)
         };
@@ -495,7 +496,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
                 neighbors.for_each_pair(
                     self.coverage,
                     rows,
-                    seen,
+                    face_of,
                     #[inline(always)]
                     |pair| {
                         if let Some(blend) = self.blend(&pair) {
@@ -512,7 +513,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
     /// The outline of a face.
     #[inline(always)]
     fn outline(&self, SeenFace { slot, .. }: SeenFace) -> Option<&Outline<T::Wide>> {
-        self.outlines.outlines.get(self.outlines.of_slot[slot as usize].at as usize)
+        self.outlines.outlines.get(self.outlines.of_slot[slot as usize].outline as usize)
     }
 
     /// The depth of a face at the centre of a pixel.
@@ -542,8 +543,8 @@ impl<T: Scalar> Silhouettes<'_, T> {
 
     /// The blend of the face that the first or the second pixel sees, if it is the nearer face.
     #[inline(always)]
-    fn blend_of(&self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
-        blend(self.outline(pair.seen[at]?)?, pair, at == 0, self.coverage.size())
+    fn blend_of(&self, pair: &Pair, side: usize) -> Option<Blend<T::Wide>> {
+        blend(self.outline(pair.seen[side]?)?, pair, side == 0, self.coverage.size())
     }
 }
 
@@ -568,7 +569,7 @@ impl<T: Scalar> Op<T> for Antialias {
             outputs.pass(1, "no discontinuities");
             return Ok(());
         }
-        saved.place(coverage);
+        saved.find_rows(coverage);
         saved.divide();
         let (input, background) = (inputs.data(1), inputs.data(2));
         let channels = inputs.shape(1)[1];
@@ -602,11 +603,11 @@ impl<T: Scalar> Op<T> for Antialias {
             saved.add_clip_bars(out_bar, channels, (clip, size), clip_bar.entries());
         }
         if let (Some(rim), Some(background_bar)) = (&saved.rim, gradients.get(2)) {
-            let place = |k: usize| self.kind.entry(channels, rim[k] as usize);
+            let start_of = |k: usize| self.kind.entry(channels, rim[k] as usize);
             saved.add_background_bars(
                 out_bar,
                 [covered, channels],
-                place,
+                start_of,
                 background_bar.entries(),
             );
         }

@@ -76,13 +76,13 @@ pub(super) struct Rows {
     lower: Vec<RowRun>,
 }
 
-/// Writes down the runs of a row; the directions in which any of them counts. `seen` tells the face of a
+/// Writes down the runs of a row; the directions in which any of them counts. `face_of` tells the face of a
 /// slot, and its directions.
 #[inline(always)]
 fn read(
     coverage: &Coverage,
     row: usize,
-    seen: impl Fn(usize) -> (u32, Directions),
+    face_of: impl Fn(usize) -> (u32, Directions),
     runs: &mut Vec<RowRun>,
 ) -> Directions {
     let before = (row * coverage.size().width) as u32;
@@ -90,7 +90,7 @@ fn read(
     runs.clear();
     runs.extend(coverage.runs_in_row(row).map(|&run| {
         let Run { slot, pixel, length, fragment } = run;
-        let (face, counts) = seen(slot as usize);
+        let (face, counts) = face_of(slot as usize);
         any |= counts;
         let start = pixel - before;
         RowRun { slot, face, fragment, columns: start..start + length, counts }
@@ -100,18 +100,18 @@ fn read(
 
 impl Rows {
     /// Calls `visit` once with each pair whose first pixel lies in `rows` and of which one pixel sees
-    /// a slot that counts in its direction; `seen` tells the face of a slot, and its directions.
+    /// a slot that counts in its direction; `face_of` tells the face of a slot, and its directions.
     #[inline(always)]
     pub(super) fn for_each_pair(
         &mut self,
         coverage: &Coverage,
         rows: Range<usize>,
-        seen: impl Fn(usize) -> (u32, Directions),
+        face_of: impl Fn(usize) -> (u32, Directions),
         mut visit: impl FnMut(Pair),
     ) {
         let Self { upper, lower } = self;
         let Size { width, height } = coverage.size();
-        let mut any = read(coverage, rows.start, &seen, upper);
+        let mut any = read(coverage, rows.start, &face_of, upper);
         for row in rows {
             if any & BESIDE != 0 {
                 for_each_beside(upper, row, width as u32, &mut visit);
@@ -119,7 +119,7 @@ impl Rows {
             if row + 1 == height {
                 return;
             }
-            let any_below = read(coverage, row + 1, &seen, lower);
+            let any_below = read(coverage, row + 1, &face_of, lower);
             let mut pair = |column: u32, seen| {
                 visit(Pair { row, column: column as usize, below: true, seen });
             };
@@ -163,40 +163,43 @@ fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnM
         let seen = [left.map(|run| run.seen(column)), right.map(|run| run.seen(column + 1))];
         Pair { row, column: column as usize, below: false, seen }
     };
-    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts(BESIDE)) {
+    for (index, run) in runs.iter().enumerate().filter(|(_, run)| run.counts(BESIDE)) {
         let Range { start, end } = run.columns;
         if start > 0 {
-            let left = at.checked_sub(1).map(|at| &runs[at]).filter(|run| run.columns.end == start);
+            let left = index
+                .checked_sub(1)
+                .map(|index| &runs[index])
+                .filter(|run| run.columns.end == start);
             if left.is_none_or(|left| !left.counts(BESIDE)) {
                 visit(pair(start - 1, left, Some(run)));
             }
         }
         if end < width {
-            let right = runs.get(at + 1).filter(|run| run.columns.start == end);
+            let right = runs.get(index + 1).filter(|run| run.columns.start == end);
             visit(pair(end - 1, Some(run), right));
         }
     }
 }
 
 /// Cuts each run of `runs` that counts in one of `directions` into stretches of columns at which the row
-/// `beside` sees one face, or none.
+/// `other_runs` sees one face, or none.
 #[inline(always)]
 fn for_each_overlap(
     runs: &[RowRun],
-    mut beside: &[RowRun],
+    mut other_runs: &[RowRun],
     directions: Directions,
     mut visit: impl FnMut(Range<u32>, &RowRun, Option<&RowRun>),
 ) {
     for run in runs.iter().filter(|run| run.counts(directions)) {
         let Range { mut start, end } = run.columns;
         while start < end {
-            let Some((other, others)) = beside.split_first() else {
+            let Some((other, others)) = other_runs.split_first() else {
                 visit(start..end, run, None);
                 break;
             };
             let columns = &other.columns;
             if columns.end <= start {
-                beside = others;
+                other_runs = others;
                 continue;
             }
             // It lies around the first column, or begins after it.

@@ -117,10 +117,10 @@ impl<T: Scalar> Op<T> for AffineInverse {
                 j => (0..4).map(|k| n_bar[i][k] * n[j][k]).sum(),
             })
         });
-        matrix_bar.add_each(|at| match at / 4 {
+        matrix_bar.add_each(|entry| match entry / 4 {
             3 => T::ZERO,
             row => {
-                let sum: T::Wide = (0..3).map(|i| n[i][row] * inner[i][at % 4]).sum();
+                let sum: T::Wide = (0..3).map(|i| n[i][row] * inner[i][entry % 4]).sum();
                 T::narrow(-sum)
             }
         });

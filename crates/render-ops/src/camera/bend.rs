@@ -112,8 +112,9 @@ impl<T: Scalar, K: LensKind<N>, const N: usize> Op<T> for Bend<K, N> {
         if let Some(points_bar) = gradients.get(0) {
             for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
                 let first = piece * POINTS_PER_PIECE;
-                let own = points[first..].iter().zip(&bars[first..]);
-                for (entries, (point, bar)) in entries.as_chunks_mut::<3>().0.iter_mut().zip(own) {
+                let pairs = points[first..].iter().zip(&bars[first..]);
+                for (entries, (point, bar)) in entries.as_chunks_mut::<3>().0.iter_mut().zip(pairs)
+                {
                     let [by_x, by_y, by_z] = lens.slopes(point.map(T::widen)).by_point;
                     let [x, y, z] = bar.map(T::widen);
                     for k in 0..3 {

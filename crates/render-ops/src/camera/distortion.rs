@@ -101,16 +101,18 @@ impl<S: Scalar> Distortion<S> {
         let end = FARTHEST * FARTHEST;
         let turns = [Turn::new(&growth, end), Turn::new(&above, end)];
         let is_first = match &turns {
-            [Some(turn), Some(fall)] => turn.at <= fall.at,
+            [Some(turn), Some(fall)] => turn.root <= fall.root,
             [turn, _] => turn.is_some(),
         };
         let [turn, fall] = turns;
-        let Some(Turn { at: s, scale }) = (if is_first { turn } else { fall }) else { return lens };
+        let Some(Turn { root: s, scale }) = (if is_first { turn } else { fall }) else {
+            return lens;
+        };
         lens.rim = s.sqrt();
         let Some(scale) = scale else { return lens };
         // The slopes of what is 0 at the rim, by each coefficient.
         let powers = [S::ONE, s, s * s, s * s * s];
-        let sum = |of: &dyn Fn(usize) -> S| (0..4).map(of).sum::<S>();
+        let sum = |term: &dyn Fn(usize) -> S| (0..4).map(term).sum::<S>();
         let slopes = match is_first {
             true => [1, 2, 3].map(|k| {
                 let of_upper = sum(&|j| factor(k, j) * lower[j] * powers[j]);
@@ -152,11 +154,11 @@ impl<S: Scalar> Distortion<S> {
         [p1 * by_p1[0] + p2 * by_p2[0], p1 * by_p1[1] + p2 * by_p2[1]]
     }
 
-    fn place(&self, [x, y, z]: [S; 3]) -> Place<S> {
+    fn locate(&self, [x, y, z]: [S; 3]) -> Place<S> {
         if z > S::ZERO {
-            let seen = [x / z, y / z];
-            if seen[0] * seen[0] + seen[1] * seen[1] <= self.rim * self.rim {
-                return Place::Inside(seen);
+            let projected = [x / z, y / z];
+            if projected[0] * projected[0] + projected[1] * projected[1] <= self.rim * self.rim {
+                return Place::Inside(projected);
             }
         }
         // Divided by the larger first, so that no square leaves the range of the numbers.
@@ -172,10 +174,11 @@ impl<S: Scalar> Distortion<S> {
     /// The distorted point's X and Y; its Z is the point's.
     pub(super) fn shown(&self, point: [S; 3]) -> [S; 2] {
         let [x, y, z] = point;
-        match self.place(point) {
-            Place::Inside(seen) => {
-                let Factor { f, .. } = self.factor(seen[0] * seen[0] + seen[1] * seen[1]);
-                let [tx, ty] = self.tangential(seen);
+        match self.locate(point) {
+            Place::Inside(projected) => {
+                let Factor { f, .. } =
+                    self.factor(projected[0] * projected[0] + projected[1] * projected[1]);
+                let [tx, ty] = self.tangential(projected);
                 [x * f + z * tx, y * f + z * ty]
             }
             Place::Outside(n, rho) => {
@@ -189,8 +192,8 @@ impl<S: Scalar> Distortion<S> {
 
     /// Of X and Y by the point, and by all eight coefficients.
     pub(super) fn shown_slopes(&self, point: [S; 3]) -> ([[S; 3]; 2], [[S; 8]; 2]) {
-        match self.place(point) {
-            Place::Inside(seen) => self.slopes_inside(point, seen),
+        match self.locate(point) {
+            Place::Inside(projected) => self.slopes_inside(point, projected),
             Place::Outside(n, rho) => self.slopes_outside(n, rho),
             Place::Behind => {
                 let Factor { f, .. } = self.factor(self.rim * self.rim);

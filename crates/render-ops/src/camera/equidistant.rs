@@ -119,7 +119,7 @@ impl<S: Scalar> Equidistant<S> {
         let growth: [S; 5] = std::array::from_fn(|k| odd(k) * coefficients[k]);
         let (mut rim, mut scale) = (S::from_f64(WIDEST), S::ZERO);
         if let Some(turn) = Turn::new(&growth, WIDEST * WIDEST) {
-            rim = turn.at.sqrt();
+            rim = turn.root.sqrt();
             scale = turn.scale.map_or(S::ZERO, |scale| scale / (rim + rim));
         }
         let square = rim * rim;
@@ -141,7 +141,7 @@ impl<S: Scalar> Equidistant<S> {
             rim_radius,
             turn,
             stretch: one_and_square.sqrt(),
-            rim_slopes: [0, 1].map(|of| slopes.map(|slope| slope[of])),
+            rim_slopes: [0, 1].map(|part| slopes.map(|slope| slope[part])),
         }
     }
 
@@ -211,7 +211,8 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
 
     fn slopes(&self, point: [S; 3]) -> Slopes<S, 4> {
         let Some(shown) = self.shown(point) else {
-            let row = |at: usize| std::array::from_fn(|k| if k == at { S::ONE } else { S::ZERO });
+            let row =
+                |column: usize| std::array::from_fn(|k| if k == column { S::ONE } else { S::ZERO });
             return Slopes { by_point: [0, 1, 2].map(row), by_coefficient: [[S::ZERO; 4]; 3] };
         };
         let Shown { unit, side, point: [x, y, z], distance: d, square, ratio, .. } = shown;
@@ -236,7 +237,11 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
             let by_angle = self.rim_radius * angles[k];
             [g * by_angle - h / ratio * turns[k], h * by_angle + square * g * ratio * turns[k]]
         });
-        let of = |along: S, which: usize| moves.map(|slopes| unit * along * slopes[which]);
-        Slopes { by_point, by_coefficient: [of(x, 0), of(y, 0), of(d, 1)] }
+        let slopes_along =
+            |along: S, which: usize| moves.map(|slopes| unit * along * slopes[which]);
+        Slopes {
+            by_point,
+            by_coefficient: [slopes_along(x, 0), slopes_along(y, 0), slopes_along(d, 1)],
+        }
     }
 }

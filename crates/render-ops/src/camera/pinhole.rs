@@ -42,10 +42,10 @@ pub fn pinhole<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let size = size.checked()?;
     // In the tape's precision: what is 0 there has no reciprocal there.
-    let seen = T::from_f64(near).to_f64();
-    if !(seen > 0.0 && seen.is_finite()) {
+    let rounded = T::from_f64(near).to_f64();
+    if !(rounded > 0.0 && rounded.is_finite()) {
         let rule = "a near plane at a finite distance above 0";
-        return Err(RenderError::value(NAME, rule, seen));
+        return Err(RenderError::value(NAME, rule, rounded));
     }
     if far.partial_cmp(&near) != Some(std::cmp::Ordering::Greater) {
         let rule = format!("a far plane beyond the near plane at {near}");

@@ -20,7 +20,7 @@ pub(super) fn polynomial_slope<S: Scalar>(coefficients: &[S], s: S) -> S {
 /// The first place from 0 to `end` at which a polynomial, above 0 at 0, falls below 0. It carries the derivatives
 /// of the coefficients, where numbers carry them.
 pub(super) struct Turn<S> {
-    pub(super) at: S,
+    pub(super) root: S,
     /// What the polynomial's slopes by the coefficients are multiplied by for those of the place. `None` where the
     /// polynomial hardly falls below 0: the place is about to leap.
     pub(super) scale: Option<S>,
@@ -29,20 +29,20 @@ pub(super) struct Turn<S> {
 impl<S: Scalar> Turn<S> {
     pub(super) fn new(coefficients: &[S], end: f64) -> Option<Self> {
         let numbers: Few = coefficients.iter().map(|coefficient| coefficient.to_f64()).collect();
-        let found = *sign_changes(&numbers, end).first()?;
-        let s = S::from_f64(found);
+        let start = *sign_changes(&numbers, end).first()?;
+        let s = S::from_f64(start);
         let slope = polynomial_slope(coefficients, s);
         let terms = numbers.iter().enumerate().skip(1);
         let size: f64 = terms
-            .map(|(k, coefficient)| (k as f64 * coefficient * found.powi(k as i32 - 1)).abs())
+            .map(|(k, coefficient)| (k as f64 * coefficient * start.powi(k as i32 - 1)).abs())
             .sum();
         if slope.to_f64().abs() <= f64::EPSILON * size {
-            return Some(Self { at: s, scale: None });
+            return Some(Self { root: s, scale: None });
         }
         // By Newton's method: the value is there already.
         let value = polynomial(coefficients, s);
-        let at = s - (value - S::from_f64(value.to_f64())) / slope;
-        Some(Self { at, scale: Some(-(S::ONE / polynomial_slope(coefficients, at))) })
+        let root = s - (value - S::from_f64(value.to_f64())) / slope;
+        Some(Self { root, scale: Some(-(S::ONE / polynomial_slope(coefficients, root))) })
     }
 }
 
@@ -56,16 +56,16 @@ fn sign_changes(coefficients: &[f64], end: f64) -> Few {
         coefficients.iter().enumerate().skip(1).map(|(k, coefficient)| k as f64 * coefficient);
     let bends = sign_changes(&slopes.collect::<Few>(), end);
     let is_above = |s: f64| polynomial(coefficients, s) >= 0.0;
-    let mut found = Few::new();
+    let mut roots = Few::new();
     let mut low = 0.0;
     for high in bends.into_iter().chain([end]) {
         let before = is_above(low);
         if is_above(high) != before {
-            found.push(bisected(low, high, |s| is_above(s) == before));
+            roots.push(bisected(low, high, |s| is_above(s) == before));
         }
         low = high;
     }
-    found
+    roots
 }
 
 /// The last number from `low` to `high` for which `holds`, where it holds up to a point.

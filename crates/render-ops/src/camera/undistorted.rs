@@ -22,18 +22,18 @@ const TOLERANCE: f64 = 1e-12;
 /// there.
 pub fn undistorted<const N: usize>(point: DVec2, coefficients: [f64; N]) -> Option<DVec2> {
     let lens = Distortion::new(all(coefficients));
-    let residual = |at: DVec2| DVec2::from(lens.shown([at.x, at.y, 1.0])) - point;
+    let residual = |guess: DVec2| DVec2::from(lens.shown([guess.x, guess.y, 1.0])) - point;
     let length = point.length();
-    let mut at = if length == 0.0 { point } else { point * (lens.radius_of(length) / length) };
-    let mut left = residual(at);
+    let mut guess = if length == 0.0 { point } else { point * (lens.radius_of(length) / length) };
+    let mut left = residual(guess);
     for _ in 0..STEPS {
-        let ([across, down], _) = lens.shown_slopes([at.x, at.y, 1.0]);
+        let ([across, down], _) = lens.shown_slopes([guess.x, guess.y, 1.0]);
         let slopes = DMat2::from_cols_array(&[across[0], down[0], across[1], down[1]]);
         let step = slopes.inverse() * left;
-        let tries = (0..HALVINGS).map(|k| at - step * f64::powi(0.5, k as i32));
+        let tries = (0..HALVINGS).map(|k| guess - step * f64::powi(0.5, k as i32));
         let nearer = |&to: &DVec2| residual(to).length() < left.length();
         let Some(next) = tries.into_iter().find(nearer) else { break };
-        (at, left) = (next, residual(next));
+        (guess, left) = (next, residual(next));
     }
-    (left.length() <= TOLERANCE * length.max(1e-300)).then_some(at)
+    (left.length() <= TOLERANCE * length.max(1e-300)).then_some(guess)
 }

@@ -2,7 +2,7 @@
 //!
 //! # Forward
 //! The rungs of the ladder are blurs with `sigma_m = s exp(h m)`, m from 1; at and below rung 0 stands
-//! the image itself. A pixel's place is `p = ln(sigma / s) / h`, and
+//! the image itself. A pixel's position is `p = ln(sigma / s) / h`, and
 //! `b_i = c_i + sum_m a(p_i - m) ((G_m c)_i - c_i)` with the cubic weights a of Keys: at most four
 //! rungs count, `db/dp` is continuous, and a rung that no pixel is close to is not computed.
 //!
@@ -30,11 +30,11 @@ use crate::taps::{Blur, Kernel, Radius, Taps};
 /// The smallest tolerance for which a ladder takes less time than windows.
 const LEAST_TOLERANCE: f64 = 1e-5;
 
-/// The places of pixels on a ladder, and what its rungs need.
+/// The positions of pixels on a ladder, and what its rungs need.
 #[derive(Debug, Default)]
 pub(super) struct Ladder<T: Scalar> {
     spacing: Spacing,
-    places: Vec<T>,
+    positions: Vec<T>,
     /// The windows of the rungs, from rung 1 on, along rows and columns.
     rungs: Vec<[Taps<T>; 2]>,
     /// How many rungs are in use.
@@ -93,7 +93,7 @@ pub(super) fn tolerance_of(radius: Radius) -> Option<f64> {
     }
 }
 
-/// The place of the image itself: below it nothing changes.
+/// The position of the image itself: below it nothing changes.
 const SHARP: f64 = -2.0;
 
 impl<T: Scalar> Ladder<T> {
@@ -116,15 +116,15 @@ impl<T: Scalar> Ladder<T> {
             let pixels = start / shape[2]..(start + out.len()) / shape[2];
             out.copy_from_slice(image_rows);
             slopes.fill(T::ZERO);
-            let places = &self.places[pixels.clone()];
+            let positions = &self.positions[pixels.clone()];
             self.bands.with(|Bench { memory, blurred, .. }| {
-                for rung in (1..=self.count).filter(|&rung| is_seen(places, rung)) {
+                for rung in (1..=self.count).filter(|&rung| is_seen(positions, rung)) {
                     blurred.resize(out.len(), T::ZERO);
                     let convolution = self.convolution(rung, shape);
                     convolution.rows(image, 0, band * rows, memory, blurred, &mut []);
                     let sharp = image_rows;
                     crate::dispatch::dispatch::<T, _>(Mix {
-                        places,
+                        positions,
                         rung,
                         sharp,
                         blurred,
@@ -133,7 +133,7 @@ impl<T: Scalar> Ladder<T> {
                     });
                 }
             });
-            // From places to sigmas.
+            // From positions to sigmas.
             for (slopes, &sigma) in slopes.chunks_exact_mut(shape[2]).zip(&sigmas[pixels]) {
                 let factor = sigma * T::from_f64(self.spacing.step);
                 if factor > T::ZERO {
@@ -151,10 +151,10 @@ impl<T: Scalar> Ladder<T> {
         for_each_piece_mut(image_bar, rows * row, |band, image_bar| {
             let start = band * rows * row;
             let pixels = image_bar.chunks_exact_mut(shape[2]).zip(b_bar[start..].chunks(shape[2]));
-            for ((to, b_bar), &place) in pixels.zip(&self.places[start / shape[2]..]) {
-                if place < T::from_f64(2.0) {
+            for ((to, b_bar), &position) in pixels.zip(&self.positions[start / shape[2]..]) {
+                if position < T::from_f64(2.0) {
                     let rungs =
-                        [1.0, 2.0, 3.0].map(|rung| weight_or_zero(place - T::from_f64(rung)));
+                        [1.0, 2.0, 3.0].map(|rung| weight_or_zero(position - T::from_f64(rung)));
                     let sharp = T::ONE - rungs.into_iter().sum();
                     for (to, &b_bar) in to.iter_mut().zip(b_bar) {
                         *to += sharp * b_bar;
@@ -169,13 +169,13 @@ impl<T: Scalar> Ladder<T> {
                     let convolution = self.convolution(rung, shape);
                     let reach = convolution.reach();
                     let seen = first.saturating_sub(reach)..(end + reach).min(shape[0]);
-                    let places = &self.places[seen.start * shape[1]..seen.end * shape[1]];
-                    if !is_seen(places, rung) {
+                    let positions = &self.positions[seen.start * shape[1]..seen.end * shape[1]];
+                    if !is_seen(positions, rung) {
                         continue;
                     }
                     let b_bar = &b_bar[seen.start * row..seen.end * row];
                     weighted.resize(b_bar.len(), T::ZERO);
-                    crate::dispatch::dispatch::<T, _>(Weigh { places, rung, b_bar, weighted });
+                    crate::dispatch::dispatch::<T, _>(Weigh { positions, rung, b_bar, weighted });
                     convolution.rows(weighted, seen.start, first, memory, blurred, &mut []);
                     for (to, &blurred) in image_bar.iter_mut().zip(&*blurred) {
                         *to += blurred;
@@ -185,21 +185,21 @@ impl<T: Scalar> Ladder<T> {
         });
     }
 
-    /// Finds the pixels' places, and makes the windows of the rungs.
+    /// Finds the pixels' positions, and makes the windows of the rungs.
     fn stand(&mut self, sigmas: &[T], tolerance: f64, extents: [usize; 2]) {
         const PIXELS_PER_PIECE: usize = 1 << 12;
         self.spacing = Spacing::within(tolerance);
-        let Self { spacing, places, rungs, count, .. } = self;
+        let Self { spacing, positions, rungs, count, .. } = self;
         let by_step = T::from_f64(spacing.step.recip());
         let offset = T::from_f64(spacing.first.ln());
-        places.resize(sigmas.len(), T::ZERO);
+        positions.resize(sigmas.len(), T::ZERO);
         let sharp = T::from_f64(SHARP);
-        write_each(places, PIXELS_PER_PIECE, |pixel| {
+        write_each(positions, PIXELS_PER_PIECE, |pixel| {
             // Not below `SHARP`, at sigma 0 neither.
-            let place = (sigmas[pixel].ln() - offset) * by_step;
-            if place > sharp { place } else { sharp }
+            let position = (sigmas[pixel].ln() - offset) * by_step;
+            if position > sharp { position } else { sharp }
         });
-        let highest = places.iter().fold(T::from_f64(SHARP), |a, &b| if b > a { b } else { a });
+        let highest = positions.iter().fold(T::from_f64(SHARP), |a, &b| if b > a { b } else { a });
         // A pixel sees the two rungs above it.
         *count = (highest.to_f64().floor() + 2.0).max(0.0) as usize;
         rungs.resize_with(rungs.len().max(*count), Default::default);
@@ -219,17 +219,17 @@ impl<T: Scalar> Ladder<T> {
     pub(super) fn bytes(&self) -> usize {
         let of_bench =
             |bench: &Bench<T>| bench.memory.len() + bench.blurred.len() + bench.weighted.len();
-        size_of::<T>() * (self.places.len() + self.bands.total(of_bench))
+        size_of::<T>() * (self.positions.len() + self.bands.total(of_bench))
     }
 }
 
 /// Whether a pixel is close enough to a rung for it to count.
-fn is_seen<T: Scalar>(places: &[T], rung: usize) -> bool {
+fn is_seen<T: Scalar>(positions: &[T], rung: usize) -> bool {
     let rung = T::from_f64(rung as f64);
-    places.iter().any(|&place| (place - rung).abs() < T::from_f64(2.0))
+    positions.iter().any(|&position| (position - rung).abs() < T::from_f64(2.0))
 }
 
-/// The weight of a rung at a distance `d` from a pixel's place, and its derivative.
+/// The weight of a rung at a distance `d` from a pixel's position, and its derivative.
 #[inline(always)]
 fn weight<T: Scalar>(d: T) -> [T; 2] {
     let number = T::from_f64;
@@ -253,7 +253,7 @@ fn weight_or_zero<T: Scalar>(d: T) -> T {
 
 /// Adds a rung to the pixels that are close to it: to `out`, and to `slopes` unless there are none.
 struct Mix<'a, T> {
-    places: &'a [T],
+    positions: &'a [T],
     rung: usize,
     sharp: &'a [T],
     blurred: &'a [T],
@@ -264,23 +264,23 @@ struct Mix<'a, T> {
 impl<T: Scalar> Mix<'_, T> {
     /// With `C` channels; 0 stands for any number.
     #[inline(always)]
-    fn of<const C: usize>(self) {
-        let Self { places, rung, sharp, blurred, out, slopes } = self;
-        let channels = if C == 0 { out.len() / places.len() } else { C };
+    fn run<const C: usize>(self) {
+        let Self { positions, rung, sharp, blurred, out, slopes } = self;
+        let channels = if C == 0 { out.len() / positions.len() } else { C };
         let (rung, reach) = (T::from_f64(rung as f64), T::from_f64(2.0));
-        for (k, &place) in places.iter().enumerate() {
-            let d = place - rung;
+        for (k, &position) in positions.iter().enumerate() {
+            let d = position - rung;
             if d.abs() >= reach {
                 continue;
             }
             let [weight, slope] = weight(d);
-            let at = k * channels..(k + 1) * channels;
-            let (sharp, blurred) = (&sharp[at.clone()], &blurred[at.clone()]);
-            let out = &mut out[at.clone()];
+            let entries = k * channels..(k + 1) * channels;
+            let (sharp, blurred) = (&sharp[entries.clone()], &blurred[entries.clone()]);
+            let out = &mut out[entries.clone()];
             for c in 0..channels {
                 out[c] += weight * (blurred[c] - sharp[c]);
             }
-            if let Some(slopes) = slopes.get_mut(at) {
+            if let Some(slopes) = slopes.get_mut(entries) {
                 for c in 0..channels {
                     slopes[c] += slope * (blurred[c] - sharp[c]);
                 }
@@ -294,18 +294,18 @@ impl<T: Scalar> pulp::WithSimd for Mix<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        match self.out.len() / self.places.len() {
-            1 => self.of::<1>(),
-            3 => self.of::<3>(),
-            4 => self.of::<4>(),
-            _ => self.of::<0>(),
+        match self.out.len() / self.positions.len() {
+            1 => self.run::<1>(),
+            3 => self.run::<3>(),
+            4 => self.run::<4>(),
+            _ => self.run::<0>(),
         }
     }
 }
 
 /// Gradients times the weight of a rung.
 struct Weigh<'a, T> {
-    places: &'a [T],
+    positions: &'a [T],
     rung: usize,
     b_bar: &'a [T],
     weighted: &'a mut [T],
@@ -313,16 +313,16 @@ struct Weigh<'a, T> {
 
 impl<T: Scalar> Weigh<'_, T> {
     #[inline(always)]
-    fn of<const C: usize>(self) {
-        let Self { places, rung, b_bar, weighted } = self;
-        let channels = if C == 0 { weighted.len() / places.len() } else { C };
+    fn run<const C: usize>(self) {
+        let Self { positions, rung, b_bar, weighted } = self;
+        let channels = if C == 0 { weighted.len() / positions.len() } else { C };
         let rung = T::from_f64(rung as f64);
         // Weights first: a loop of its own becomes vectors.
         let mut factors = [T::ZERO; PIXELS];
         let blocks = weighted.chunks_mut(PIXELS * channels).zip(b_bar.chunks(PIXELS * channels));
-        for ((weighted, b_bar), places) in blocks.zip(places.chunks(PIXELS)) {
-            for (factor, &place) in factors.iter_mut().zip(places) {
-                *factor = weight_or_zero(place - rung);
+        for ((weighted, b_bar), positions) in blocks.zip(positions.chunks(PIXELS)) {
+            for (factor, &position) in factors.iter_mut().zip(positions) {
+                *factor = weight_or_zero(position - rung);
             }
             let rows = weighted.chunks_exact_mut(channels).zip(b_bar.chunks_exact(channels));
             for ((weighted, b_bar), &factor) in rows.zip(&factors) {
@@ -342,11 +342,11 @@ impl<T: Scalar> pulp::WithSimd for Weigh<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        match self.weighted.len() / self.places.len() {
-            1 => self.of::<1>(),
-            3 => self.of::<3>(),
-            4 => self.of::<4>(),
-            _ => self.of::<0>(),
+        match self.weighted.len() / self.positions.len() {
+            1 => self.run::<1>(),
+            3 => self.run::<3>(),
+            4 => self.run::<4>(),
+            _ => self.run::<0>(),
         }
     }
 }

@@ -98,16 +98,18 @@ impl<T: Scalar> Windows<T> {
         let [along_rows, along_columns] = &self.taps;
         let reach = |taps: &Taps<T>| taps.radius() as isize;
         let (row, column) = ((pixel / self.width) as isize, (pixel % self.width) as isize);
-        let source = |at, extent| Border::Mirror.source(at, extent).expect("a mirror is endless");
+        let source = |position, extent| {
+            Border::Mirror.source(position, extent).expect("a mirror is endless")
+        };
         for k in -reach(along_columns)..=reach(along_columns) {
             let y = source(row + k, self.height);
-            let at = k.unsigned_abs();
-            let (wy, dwy) = (along_columns.weights[at], along_columns.slopes[at]);
+            let index = k.unsigned_abs();
+            let (wy, dwy) = (along_columns.weights[index], along_columns.slopes[index]);
             for l in -reach(along_rows)..=reach(along_rows) {
                 let j = y * self.width + source(column + l, self.width);
                 if j != pixel {
-                    let at = l.unsigned_abs();
-                    let (wx, dwx) = (along_rows.weights[at], along_rows.slopes[at]);
+                    let index = l.unsigned_abs();
+                    let (wx, dwx) = (along_rows.weights[index], along_rows.slopes[index]);
                     visit(j, wy * wx, dwy * wx + wy * dwx);
                 }
             }

@@ -64,21 +64,21 @@ impl<T: Scalar> Window<T> {
     }
 
     /// How many pixels are seen of a line of `width` pixels and of what is before and after it.
-    fn seen(&self, width: usize) -> usize {
+    fn seen_pixels(&self, width: usize) -> usize {
         width - self.factor + self.shift() + self.weights.len()
     }
 
     /// How many steps of `factor` pixels such a line has.
     fn steps(&self, width: usize) -> usize {
-        self.seen(width).max(self.before() + width).div_ceil(self.factor)
+        self.seen_pixels(width).max(self.before() + width).div_ceil(self.factor)
     }
 
     /// The places before and after the line's own, and the pixels of the line that stand there.
     fn outside(&self, width: usize) -> impl Iterator<Item = (usize, Option<usize>)> {
         let before = self.before();
-        (0..before)
-            .chain(before + width..self.seen(width))
-            .map(move |place| (place, self.border.source(place as isize - before as isize, width)))
+        (0..before).chain(before + width..self.seen_pixels(width)).map(move |position| {
+            (position, self.border.source(position as isize - before as isize, width))
+        })
     }
 }
 
@@ -121,9 +121,9 @@ impl<T: Scalar> Lists<T> {
         for j in 0..other.starts.len() - 1 {
             for &(row, weight) in other.row(j) {
                 // Each start moves to the next one's place, and all of them back below.
-                let place = &mut self.starts[row as usize];
-                self.entries[*place] = (j as u32, weight);
-                *place += 1;
+                let position = &mut self.starts[row as usize];
+                self.entries[*position] = (j as u32, weight);
+                *position += 1;
             }
         }
         self.starts.rotate_right(1);
@@ -269,9 +269,9 @@ impl<T: Scalar> Band<T> {
     pub(super) fn spread(&mut self, window: &Window<T>, width: usize, channels: usize, out: &[T]) {
         self.line(window, width, channels);
         let (factor, steps, shift) = (window.factor, window.steps(width), window.shift());
-        let (stride, seen) = (steps * channels + BLOCK, shift + window.weights.len());
+        let (stride, pixels_seen) = (steps * channels + BLOCK, shift + window.weights.len());
         // So many output pixels before a pixel's own see it, too.
-        let margin = (seen - 1) / factor;
+        let margin = (pixels_seen - 1) / factor;
         self.padded.clear();
         self.padded.resize(margin * channels, T::ZERO);
         self.padded.extend_from_slice(out);
@@ -284,7 +284,7 @@ impl<T: Scalar> Band<T> {
         };
         for phase in 0..factor {
             // Of the places `phase + factor * step`, those that weights are at.
-            let steps_seen = (seen + factor - 1).saturating_sub(phase) / factor;
+            let steps_seen = (pixels_seen + factor - 1).saturating_sub(phase) / factor;
             let first = shift.saturating_sub(phase).div_ceil(factor);
             let phases = &mut phases[phase * stride..][..stride];
             for (start, to) in (0..).step_by(BLOCK).zip(phases.as_chunks_mut::<BLOCK>().0) {
@@ -310,8 +310,8 @@ impl<T: Scalar> Band<T> {
     /// Writes to the line what is seen before and after it.
     #[inline(always)]
     fn extend(&mut self, window: &Window<T>, width: usize, channels: usize) {
-        for (place, source) in window.outside(width) {
-            let to = place * channels;
+        for (position, source) in window.outside(width) {
+            let to = position * channels;
             match source {
                 Some(source) => {
                     let from = (window.before() + source) * channels;
@@ -325,10 +325,10 @@ impl<T: Scalar> Band<T> {
     /// The adjoint of [`Band::extend`].
     #[inline(always)]
     fn fold(&mut self, window: &Window<T>, width: usize, channels: usize) {
-        for (place, source) in window.outside(width) {
+        for (position, source) in window.outside(width) {
             let Some(source) = source else { continue };
             for c in 0..channels {
-                let term = self.line[place * channels + c];
+                let term = self.line[position * channels + c];
                 self.line[(window.before() + source) * channels + c] += term;
             }
         }

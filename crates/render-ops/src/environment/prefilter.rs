@@ -96,9 +96,9 @@ impl Block {
 
     /// The unit vector to a place, in shares of the block's sides.
     fn unit(self, [x, y]: [f64; 2]) -> Vector3<f64> {
-        let place = [self.column as f64 + x, self.row as f64 + y];
-        let towards = direction(self.face, place.map(|at| ratio(at, self.extent)));
-        Direction::new(towards).map_or(towards, |found| found.unit)
+        let point = [self.column as f64 + x, self.row as f64 + y];
+        let towards = direction(self.face, point.map(|coordinate| ratio(coordinate, self.extent)));
+        Direction::new(towards).map_or(towards, |direction| direction.unit)
     }
 
     fn middle(self) -> Vector3<f64> {
@@ -221,10 +221,11 @@ impl<T: Scalar> Prefilter<T> {
         let mut of_texels: Vec<[f64; HARMONICS]> = vec![[0.0; HARMONICS]; count];
         for_each_item_mut(&mut of_texels, |k, sums| {
             let share = texel(k).solid_angle() / (PLACES * PLACES) as f64;
-            for place in 0..PLACES * PLACES {
-                let at = [place % PLACES, place / PLACES].map(|k| (k as f64 + 0.5) / PLACES as f64);
-                let found = harmonics(texel(k).unit(at));
-                sums.iter_mut().zip(found).for_each(|(sum, y)| *sum += share * y);
+            for sample in 0..PLACES * PLACES {
+                let point =
+                    [sample % PLACES, sample / PLACES].map(|k| (k as f64 + 0.5) / PLACES as f64);
+                let values = harmonics(texel(k).unit(point));
+                sums.iter_mut().zip(values).for_each(|(sum, y)| *sum += share * y);
             }
         });
         Ok(Self {

@@ -40,7 +40,7 @@ impl<S> Default for Peeling<S> {
 }
 
 /// The depths and faces that a band's pixels have found so far, row by row.
-pub(super) struct Found<'a, S> {
+pub(super) struct DrawnLayer<'a, S> {
     pub(super) depths: &'a mut [S],
     /// Positions among the band's faces.
     pub(super) faces: &'a mut [u64],
@@ -58,7 +58,7 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
         front: &Coverage,
         rows: Range<usize>,
         faces: &[u32],
-        mut found: Found<'_, S>,
+        mut layer: DrawnLayer<'_, S>,
         weights: &mut Vec<Weights<S>>,
     ) {
         let width = view.size.width;
@@ -67,7 +67,7 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
         self.faces.clear();
         self.faces.resize(width, NO_FACE);
         self.find_front(view, front, rows.clone());
-        for (at, &face) in (0..).zip(faces) {
+        for (number, &face) in (0..).zip(faces) {
             let Verdict { fate, .. } = view.verdicts[face as usize];
             let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
                 unreachable!("only faces that are drawn are on the lists");
@@ -76,7 +76,13 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
             let columns = [left as usize, right as usize + 1];
             for row in rows.start.max(top as usize)..rows.end.min(bottom as usize + 1) {
                 let [first, end] = self.cover(view, &mut setup, row, columns);
-                self.keep_nearest(row - rows.start, [first, end], (at, face), width, &mut found);
+                self.keep_nearest(
+                    row - rows.start,
+                    [first, end],
+                    (number, face),
+                    width,
+                    &mut layer,
+                );
             }
             weights.push(setup.weights());
         }
@@ -133,14 +139,14 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
         &mut self,
         row: usize,
         [first, end]: [usize; 2],
-        (at, face): (u64, u32),
+        (number, face): (u64, u32),
         width: usize,
-        found: &mut Found<'_, S>,
+        layer: &mut DrawnLayer<'_, S>,
     ) {
         if first >= end {
             return;
         }
-        let [stored, within] = [row * found.stride, row * width];
+        let [stored, within] = [row * layer.stride, row * width];
         for column in first..end {
             if self.faces[column] == NO_FACE {
                 continue;
@@ -150,12 +156,12 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
             // Of equal depths the lower face was seen in front.
             let is_behind = depth > front || depth == front && face > before;
             // Faces come in order, so of equal depths the lower one stays.
-            if is_behind && depth < found.depths[stored + column] {
-                found.depths[stored + column] = depth;
-                found.faces[stored + column] = at;
+            if is_behind && depth < layer.depths[stored + column] {
+                layer.depths[stored + column] = depth;
+                layer.faces[stored + column] = number;
             }
         }
-        let reached = &mut found.reached[row];
+        let reached = &mut layer.reached[row];
         *reached = [reached[0].min(first), reached[1].max(end)];
         self.forget(first, end);
     }

@@ -74,12 +74,12 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
             first += per_row;
             let starts = lanes(|k| ones[k] + by_ys[k] * y);
             let pixels = depths[within.clone()].iter_mut().zip(&mut faces[within]);
-            for ((nearest, seen), x) in pixels.zip(centers) {
+            for ((nearest, nearest_face), x) in pixels.zip(centers) {
                 let along = |k: usize| lanes(|lane| starts[k] + xs[k] * x[lane]);
                 let [a, b, c, depth] = [along(0), along(1), along(2), along(3)];
                 let inside = lanes(|k| least([a[k], b[k], c[k]]));
                 let is_inside = lanes(|k| inside[k] > error_bound);
-                keep_nearer((nearest, seen), is_inside, depth, face);
+                keep_nearer((nearest, nearest_face), is_inside, depth, face);
                 closest = lanes(|k| smaller(inside[k].abs(), closest[k]));
             }
         }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::behind::{Found, Peeling};
+use super::behind::{DrawnLayer, Peeling};
 use super::blocks::SmallFace;
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
@@ -60,7 +60,7 @@ pub(super) struct Canvas<T: Scalar> {
     /// Per drawn face: its slot, once it was seen.
     slot_of: Vec<u32>,
     /// Per slot: its position in `weights`.
-    seen: Vec<u32>,
+    drawn_of_slot: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
     read: Vec<Run>,
     /// Per slot: how many runs it has, then where in the order of slots its next run goes.
@@ -74,7 +74,7 @@ pub(super) struct Canvas<T: Scalar> {
 struct Reader<'a> {
     covered: &'a mut Vec<[u32; 2]>,
     slot_of: &'a mut [u32],
-    seen: &'a mut Vec<u32>,
+    drawn_of_slot: &'a mut Vec<u32>,
     places: &'a mut Vec<u32>,
     read: &'a mut Vec<Run>,
 }
@@ -94,8 +94,8 @@ impl Reader<'_> {
         // all sums, does not depend on that of the mesh's faces.
         let slot = &mut self.slot_of[drawn as usize];
         if *slot == NO_SLOT {
-            *slot = self.seen.len() as u32;
-            self.seen.push(drawn as u32);
+            *slot = self.drawn_of_slot.len() as u32;
+            self.drawn_of_slot.push(drawn as u32);
             self.places.push(0);
         }
         self.places[*slot as usize] += 1;
@@ -142,7 +142,7 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
         let Self { canvas, view, face, touched, ys, local } = self;
-        let at = canvas.weights.len() as u64;
+        let number = canvas.weights.len() as u64;
         let orientation = view.verdicts[face].orientation;
         let mut setup = Setup::new(view.corners_of(face), orientation, view.size);
         let per_row = view.blocks_per_row();
@@ -154,7 +154,7 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
         for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
             let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
             let row = setup.row(y);
-            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, number);
             *reached = [reached[0].min(first), reached[1].max(end)];
         }
         canvas.weights.push(setup.weights());
@@ -181,7 +181,7 @@ impl<T: Scalar> Canvas<T> {
             self.reached.resize(view.rows, [view.size.width, 0]);
         }
         self.bands.resize_with(bands.len(), Band::default);
-        for (at, band) in bands.enumerate() {
+        for (index, band) in bands.enumerate() {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
             self.weights.clear();
@@ -195,20 +195,20 @@ impl<T: Scalar> Canvas<T> {
                 Some(front) => self.draw_behind(view, front, rows.clone(), &faces[band]),
             }
             if view.sampling.has_pieces() {
-                self.resolve(view, at, rows.clone(), &faces[band]);
+                self.resolve(view, index, rows.clone(), &faces[band]);
             }
-            self.bands[at].row_starts.clear();
-            self.bands[at].covered.clear();
+            self.bands[index].row_starts.clear();
+            self.bands[index].covered.clear();
             self.read.clear();
-            self.seen.clear();
+            self.drawn_of_slot.clear();
             self.places.clear();
             self.slot_of.clear();
             self.slot_of.resize(self.weights.len(), NO_SLOT);
             for row in rows {
-                self.bands[at].row_starts.push(self.read.len() as u32);
-                self.read_row(view, at, row, row - first);
+                self.bands[index].row_starts.push(self.read.len() as u32);
+                self.read_row(view, index, row, row - first);
             }
-            self.sort(at, &faces[band]);
+            self.sort(index, &faces[band]);
         }
     }
 
@@ -219,7 +219,7 @@ impl<T: Scalar> Canvas<T> {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
         };
-        let at = self.weights.len() as u64;
+        let number = self.weights.len() as u64;
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
         let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
         let ys = &view.ys[rows_of_face];
@@ -232,7 +232,7 @@ impl<T: Scalar> Canvas<T> {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
             let first = local.start * per_row + blocks.start;
             let stored = (&mut self.depths[first..], &mut self.faces[first..]);
-            let is_uncertain = small.cover(ys, centers, stored, per_row, at);
+            let is_uncertain = small.cover(ys, centers, stored, per_row, number);
             let [first, end] = &mut self.reached_by_blocks;
             (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
             // Otherwise the face is drawn once more, in spans: a pixel that has its depth keeps it.
@@ -261,21 +261,27 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let found = Found {
+        let layer = DrawnLayer {
             depths: self.depths.as_flattened_mut(),
             faces: self.faces.as_flattened_mut(),
             stride: view.blocks_per_row() * LANES,
             reached: &mut self.reached,
         };
-        self.peeling.draw(view, front, rows, faces, found, &mut self.weights);
+        self.peeling.draw(view, front, rows, faces, layer, &mut self.weights);
     }
 
-    /// Resolves the boundary pixels of band `at`, whose faces are `faces`; nothing is seen at their
+    /// Resolves the boundary pixels of band `band_index`, whose faces are `faces`; nothing is seen at their
     /// centres then.
     #[inline(never)]
-    fn resolve(&mut self, view: &Prepared<'_, T>, at: usize, rows: Range<usize>, faces: &[u32]) {
+    fn resolve(
+        &mut self,
+        view: &Prepared<'_, T>,
+        band_index: usize,
+        rows: Range<usize>,
+        faces: &[u32],
+    ) {
         let Self { search, bands, weights, slot_of, .. } = self;
-        let Band { pieces, piece_fragments, .. } = &mut bands[at];
+        let Band { pieces, piece_fragments, .. } = &mut bands[band_index];
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
@@ -286,15 +292,15 @@ impl<T: Scalar> Canvas<T> {
         let stride = view.blocks_per_row() * LANES;
         for &pixel in &pieces.pixels {
             let [row, column] =
-                Size { width: view.size.width, height: 0 }.place(pixel as usize - first);
+                Size { width: view.size.width, height: 0 }.row_and_column(pixel as usize - first);
             stored[row * stride + column] = NO_FACE;
         }
     }
 
-    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
+    /// Reads what the pixels of a row of band `band_index` see, and forgets what was drawn there, up to the
     /// image's width. `local` is the row within the band.
     #[inline(always)]
-    fn read_row(&mut self, view: &Prepared<'_, T>, at: usize, row: usize, local: usize) {
+    fn read_row(&mut self, view: &Prepared<'_, T>, band_index: usize, row: usize, local: usize) {
         let width = view.size.width;
         let [first, end] = std::mem::replace(&mut self.reached[local], [width, 0]);
         let [first_block, end_block] = self.reached_by_blocks;
@@ -304,10 +310,16 @@ impl<T: Scalar> Canvas<T> {
             return;
         }
         let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
-        let Self { faces, depths, bands, slot_of, seen, places, read, .. } = self;
+        let Self { faces, depths, bands, slot_of, drawn_of_slot, places, read, .. } = self;
         let faces = faces[stored.clone()].as_flattened_mut();
         let before_row = (row * view.size.width) as u32;
-        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, places, read };
+        let mut reader = Reader {
+            covered: &mut bands[band_index].covered,
+            slot_of,
+            drawn_of_slot,
+            places,
+            read,
+        };
         let mut start = first;
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
@@ -331,30 +343,30 @@ impl<T: Scalar> Canvas<T> {
         depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
-    /// Sorts the runs of band `at`, whose faces are `faces`, by slot; those of one slot stay in order. Gives
+    /// Sorts the runs of band `band_index`, whose faces are `faces`, by slot; those of one slot stay in order. Gives
     /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, at: usize, faces: &[u32]) {
-        let Self { weights, seen, read, places, bands, .. } = self;
-        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[at];
+    fn sort(&mut self, band_index: usize, faces: &[u32]) {
+        let Self { weights, drawn_of_slot, read, places, bands, .. } = self;
+        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[band_index];
         own_weights.clear();
-        own_weights.extend(seen.iter().map(|&drawn| weights[drawn as usize]));
+        own_weights.extend(drawn_of_slot.iter().map(|&drawn| weights[drawn as usize]));
         let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.
         let mut first_run = 0;
-        slots.extend(seen.iter().zip(&mut *places).map(|(&drawn, place)| {
+        slots.extend(drawn_of_slot.iter().zip(&mut *places).map(|(&drawn, position)| {
             let slot = Slot { face: faces[drawn as usize], first_run };
-            first_run += std::mem::replace(place, first_run);
+            first_run += std::mem::replace(position, first_run);
             slot
         }));
         resize(sorted, read.len(), Run::default);
         resize(by_pixel, read.len(), || 0);
         for (run, index) in read.iter().zip(by_pixel) {
-            let place = &mut places[run.slot as usize];
-            sorted[*place as usize] = *run;
-            *index = *place;
-            *place += 1;
+            let position = &mut places[run.slot as usize];
+            sorted[*position as usize] = *run;
+            *index = *position;
+            *position += 1;
         }
         // In this order a face's fragments in the band lie side by side.
         let mut fragment = 0;
@@ -377,7 +389,7 @@ impl<T: Scalar> Band<T> {
         let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
         for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
             let of_slot = &runs[slot.first_run as usize..end];
-            let [row, column] = view.size.place(of_slot[0].pixel as usize);
+            let [row, column] = view.size.row_and_column(of_slot[0].pixel as usize);
             let mut start = of_slot[0].pixel as usize - column;
             let mut y = ys[row];
             for run in of_slot {

@@ -312,9 +312,9 @@ impl<T: Scalar> Op<T> for Rasterize {
         // In pieces without a branch, which are compiled to vectors.
         let are_finite = |piece: &[T]| piece.iter().fold(true, |all, c| all & c.is_finite());
         if !clip.chunks(COORDINATES_PER_PIECE).all(are_finite)
-            && let Some(at) = clip.iter().position(|coordinate| !coordinate.is_finite())
+            && let Some(index) = clip.iter().position(|coordinate| !coordinate.is_finite())
         {
-            let vertex = at / 4;
+            let vertex = index / 4;
             let [x, y, z, w] = std::array::from_fn(|k| clip[4 * vertex + k].to_f64());
             return Err(RenderError::Position { vertex, x, y, z, w });
         }
@@ -342,9 +342,11 @@ impl<T: Scalar> Op<T> for Rasterize {
         if let Some(weights) = weights {
             let copy = |target: &mut [T], part: &&[T]| target.copy_from_slice(part);
             let of_pieces = visibility.bands().map(|band| &band.piece_fragments);
-            let means = of_pieces.clone().map(|of| (of.barycentrics.len(), &*of.barycentrics));
+            let means = of_pieces
+                .clone()
+                .map(|fragments| (fragments.barycentrics.len(), &*fragments.barycentrics));
             fill_parts(rest, means, are_shared, copy);
-            let shares = of_pieces.map(|of| (of.weights.len(), &*of.weights));
+            let shares = of_pieces.map(|fragments| (fragments.weights.len(), &*fragments.weights));
             fill_parts(weights, shares, are_shared, copy);
         }
         Ok(())

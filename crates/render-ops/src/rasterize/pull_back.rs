@@ -94,7 +94,7 @@ impl<T: Scalar> WeightPullBack<'_, T> {
         let (size, face) = (self.coverage.size, self.face(slot));
         let mut sums = EdgeSums::default();
         for run in self.coverage.centers.within(slot, fragments) {
-            let [mut x, y] = face.place(run.pixel as usize, size);
+            let [mut x, y] = face.center_offset(run.pixel as usize, size);
             let row = face.row(y);
             let (mut ones, mut xs) = ([T::Wide::ZERO; 3], [T::Wide::ZERO; 3]);
             let uv_bar = &self.uv_bar[2 * run.fragments().start..2 * run.fragments().end];
@@ -129,9 +129,13 @@ impl<T: Scalar> Terms<T> for Slopes {
     type From = [T; 2];
 
     #[inline(always)]
-    fn of<const N: usize>([u, v]: [&[T::Wide; N]; 2], bars: &[[T; 2]; N]) -> [[T::Wide; N]; 3] {
-        let of = |k: usize| -> [T::Wide; N] { std::array::from_fn(|part| bars[part][k].widen()) };
-        let (u_bar, v_bar) = (of(0), of(1));
+    fn compute<const N: usize>(
+        [u, v]: [&[T::Wide; N]; 2],
+        bars: &[[T; 2]; N],
+    ) -> [[T::Wide; N]; 3] {
+        let widened =
+            |k: usize| -> [T::Wide; N] { std::array::from_fn(|part| bars[part][k].widen()) };
+        let (u_bar, v_bar) = (widened(0), widened(1));
         let m = std::array::from_fn(|part| u_bar[part] * u[part] + v_bar[part] * v[part]);
         [u_bar, v_bar, m]
     }

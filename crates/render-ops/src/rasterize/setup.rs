@@ -89,7 +89,7 @@ impl<S: Scalar<Wide = S>> Row<S> {
 
     /// The edge functions at `x`.
     #[inline(always)]
-    fn at(&self, x: S) -> [S; 3] {
+    fn values_at(&self, x: S) -> [S; 3] {
         [
             self.starts[0] + self.slopes[0] * x,
             self.starts[1] + self.slopes[1] * x,
@@ -161,10 +161,10 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     #[inline(always)]
     pub(super) fn certain(&self, row: &Row<S>, span: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = span;
-        while first < end && self.is_uncertain(row.at(centers[first])) {
+        while first < end && self.is_uncertain(row.values_at(centers[first])) {
             first += 1;
         }
-        while first < end && self.is_uncertain(row.at(centers[end - 1])) {
+        while first < end && self.is_uncertain(row.values_at(centers[end - 1])) {
             end -= 1;
         }
         [first, end]
@@ -178,7 +178,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// The edge functions at an uncertain point, those that are worked out again; `None` where the
     /// point is not covered.
     pub(super) fn settled(&self, row: &Row<S>, x: S) -> Option<[S; 3]> {
-        let mut a = row.at(x);
+        let mut a = row.values_at(x);
         let q = self.vertices.map(|vertex| vertex.relative_to(x, row.y));
         for k in 0..3 {
             if a[k] <= self.error_bound {
@@ -228,7 +228,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 let [start, slope] = along(plane, row.y);
                 cover(pixels, centers_within, face, |x| start + slope * x);
             }
-            None => cover(pixels, centers_within, face, |x| self.depth(row.at(x))),
+            None => cover(pixels, centers_within, face, |x| self.depth(row.values_at(x))),
         }
         // The few at both ends where an edge function may be rounding alone.
         for column in (first..inside).chain(inside_end..end) {
@@ -274,7 +274,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     ) {
         let row = self.row(y);
         for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
-            let mut a = row.at(x);
+            let mut a = row.values_at(x);
             if self.is_uncertain(a) {
                 a = self.settled(&row, x).expect("it was covered a moment ago");
             }
@@ -311,7 +311,7 @@ impl<S: Scalar<Wide = S>> Weights<S> {
     ) {
         let row = Row::new(&self.edges, y);
         let weights = |x: S| {
-            let a = row.at(x);
+            let a = row.values_at(x);
             let scale = S::ONE / (a[0] + a[1] + a[2]);
             [T::narrow(a[0] * scale), T::narrow(a[1] * scale)]
         };
@@ -341,36 +341,37 @@ fn cover<S: Scalar>(
     let (depth_blocks, depths) = depths.as_chunks_mut();
     let (face_blocks, faces) = faces.as_chunks_mut();
     let (center_blocks, centers) = centers.as_chunks::<LANES>();
-    for ((nearest, seen), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks) {
+    for ((nearest, nearest_face), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks)
+    {
         let depth = lanes(|k| depth(x[k]));
-        keep_nearer((nearest, seen), lanes(|k| depth[k] >= -S::ONE), depth, face);
+        keep_nearer((nearest, nearest_face), lanes(|k| depth[k] >= -S::ONE), depth, face);
     }
-    for ((nearest, seen), &x) in depths.iter_mut().zip(faces).zip(centers) {
+    for ((nearest, nearest_face), &x) in depths.iter_mut().zip(faces).zip(centers) {
         let depth = depth(x);
         if depth >= -S::ONE && depth < *nearest {
-            (*nearest, *seen) = (depth, face);
+            (*nearest, *nearest_face) = (depth, face);
         }
     }
 }
 
 /// Where a block of pixels is covered and `depth` is smaller than in `nearest`, it takes its place, and
-/// `face` that in `seen`.
+/// `face` that in `nearest_face`.
 ///
 /// Values first, then two stores, so that they are compiled to vectors. A choice whose store goes to
 /// where it was loaded from would become a masked store, which takes long and which later loads wait
 /// for. The fence, which is no instruction, keeps the stores apart from the loads.
 #[inline(always)]
 pub(super) fn keep_nearer<S: Scalar>(
-    (nearest, seen): (&mut [S; LANES], &mut [u64; LANES]),
+    (nearest, nearest_face): (&mut [S; LANES], &mut [u64; LANES]),
     is_covered: [bool; LANES],
     depth: [S; LANES],
     face: u64,
 ) {
-    let (before, seen_before) = (*nearest, *seen);
+    let (before, face_before) = (*nearest, *nearest_face);
     compiler_fence(Ordering::SeqCst);
     let is_nearer = lanes(|k| is_covered[k] & (depth[k] < before[k]));
     *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
-    *seen = lanes(|k| if is_nearer[k] { face } else { seen_before[k] });
+    *nearest_face = lanes(|k| if is_nearer[k] { face } else { face_before[k] });
 }
 
 /// The depth's coefficients of 1, X and Y, where no vertex is behind the eye and neither the

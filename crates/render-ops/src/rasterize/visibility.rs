@@ -225,21 +225,21 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
 fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
     let Coverage { centers, pieces, boundary, .. } = coverage;
     let pixels = Arc::get_mut(&mut boundary.pixels).expect("it was just cleared");
-    for Band { pieces: found, piece_fragments, .. } in bands {
+    for Band { pieces: of_band, piece_fragments, .. } in bands {
         let before = boundary.fragments.len() as u32;
         let fragments = (centers.count + pieces.count) as u32;
-        pixels.extend(&found.pixels);
-        boundary.unseen.extend(&found.unseen);
-        boundary.ends.extend(found.ends.iter().map(|end| before + end));
+        pixels.extend(&of_band.pixels);
+        boundary.unseen.extend(&of_band.unseen);
+        boundary.ends.extend(of_band.ends.iter().map(|end| before + end));
         boundary
             .fragments
             .extend(piece_fragments.fragments.iter().map(|fragment| fragments + fragment));
         pieces.add_band(&piece_fragments.runs);
         let counts = &mut boundary.counts;
-        counts.pixels += found.pixels.len();
+        counts.pixels += of_band.pixels.len();
         counts.pieces += piece_fragments.fragments.len();
-        counts.dropped += found.dropped;
-        counts.crowded += found.crowded;
-        counts.sampled += found.sampled;
+        counts.dropped += of_band.dropped;
+        counts.crowded += of_band.crowded;
+        counts.sampled += of_band.sampled;
     }
 }

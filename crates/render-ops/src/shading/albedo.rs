@@ -60,8 +60,8 @@ const EDGE: [[f64; 10]; 2] = [
 
 /// A cubic polynomial, and its derivatives by x and y.
 #[inline(always)]
-fn cubic<T: Scalar>(of: [f64; 10], x: T, y: T) -> (T, [T; 2]) {
-    let c = of.map(T::from_f64);
+fn cubic<T: Scalar>(coefficients: [f64; 10], x: T, y: T) -> (T, [T; 2]) {
+    let c = coefficients.map(T::from_f64);
     let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
     let (linear, square) = (c[4] + y * (c[5] + y * c[6]), c[7] + y * c[8]);
     let value = c[0] + y * (c[1] + y * (c[2] + y * c[3])) + x * (linear + x * (square + x * c[9]));
@@ -72,8 +72,8 @@ fn cubic<T: Scalar>(of: [f64; 10], x: T, y: T) -> (T, [T; 2]) {
 
 /// A quadratic polynomial, and its derivatives by mu, x and r.
 #[inline(always)]
-fn quadratic<T: Scalar>(of: [f64; 10], mu: T, x: T, r: T) -> (T, [T; 3]) {
-    let c = of.map(T::from_f64);
+fn quadratic<T: Scalar>(coefficients: [f64; 10], mu: T, x: T, r: T) -> (T, [T; 3]) {
+    let c = coefficients.map(T::from_f64);
     let two = T::from_f64(2.0);
     let (of_x, of_mu) = (c[3] + r * c[4] + x * c[5], c[6] + r * c[7] + x * c[8] + mu * c[9]);
     let value = c[0] + r * (c[1] + r * c[2]) + x * of_x + mu * of_mu;

@@ -87,8 +87,8 @@ impl<T: Scalar> Column<'_, T> {
             ([x], BLOCK) => x.copy_from_slice(entries),
             (lanes, count) => {
                 for k in 0..BLOCK {
-                    let at = k.min(count - 1) * width;
-                    for (lane, &entry) in lanes.iter_mut().zip(&entries[at..at + width]) {
+                    let start = k.min(count - 1) * width;
+                    for (lane, &entry) in lanes.iter_mut().zip(&entries[start..start + width]) {
                         lane[k] = entry;
                     }
                 }

@@ -161,8 +161,8 @@ impl Layout {
     #[cold]
     pub(super) fn refuse<T: Scalar>(&self, rows: &Rows<'_, T>, lamps: &[Lamp<T>]) -> RenderError {
         for (Part { what, first, width, .. }, column) in self.parts().iter().zip(&rows.columns) {
-            if let Some(at) = column.entries.iter().position(|entry| !entry.is_finite()) {
-                let (row, value) = (at / width, column.entries[at].to_f64());
+            if let Some(index) = column.entries.iter().position(|entry| !entry.is_finite()) {
+                let (row, value) = (index / width, column.entries[index].to_f64());
                 return RenderError::NotFinite { operation: NAME, what, row, value };
             }
             let mut entries = column.entries.chunks(*width);

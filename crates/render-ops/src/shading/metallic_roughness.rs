@@ -139,7 +139,7 @@ struct Terms<T> {
 
 impl<T: Scalar> Terms<T> {
     #[inline(always)]
-    fn new(n: [T; 3], v: [T; 3], l: [T; 3], of: &Substance<T>) -> Self {
+    fn new(n: [T; 3], v: [T; 3], l: [T; 3], substance: &Substance<T>) -> Self {
         let (one, half) = (T::ONE, T::from_f64(0.5));
         let cosine = dot(n, l);
         let nl_moves = if cosine > T::ZERO { T::ONE } else { T::ZERO };
@@ -154,7 +154,7 @@ impl<T: Scalar> Terms<T> {
         };
         let c = cross(n, m);
         let q = dot(c, c) / s;
-        let a2 = of.a2;
+        let a2 = substance.a2;
         let rest = one - a2;
         let d = q + a2 * (one - q);
         let distribution = a2 * T::from_f64(FRAC_1_PI) / (d * d);
@@ -248,25 +248,25 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
 
     #[inline(always)]
     fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>, l: Vector3<T>) -> [T; 3] {
-        let of = Substance::new(material);
-        let t = Terms::new(n, v, l, &of);
+        let substance = Substance::new(material);
+        let t = Terms::new(n, v, l, &substance);
         let glass = T::from_f64(DIELECTRIC);
         let specular = t.distribution * t.g;
-        let diffuse = of.dielectric * t.nl * T::from_f64(FRAC_1_PI);
+        let diffuse = substance.dielectric * t.nl * T::from_f64(FRAC_1_PI);
         let f = fresnel(glass, t.p);
         if CONSERVING {
-            let shares = Shares::new(t.nv, of.roughness, true);
+            let shares = Shares::new(t.nv, substance.roughness, true);
             let below = diffuse * (T::ONE - shares.above(glass));
-            let above = specular * of.dielectric * f * shares.factor(glass);
-            let metal = specular * of.metallic;
-            return of.base.map(|base| {
+            let above = specular * substance.dielectric * f * shares.factor(glass);
+            let metal = specular * substance.metallic;
+            return substance.base.map(|base| {
                 base * below + above + metal * fresnel(base, t.p) * shares.factor(base)
             });
         }
         let below = diffuse * (T::ONE - f);
-        let above = specular * of.dielectric * f;
-        let metal = specular * of.metallic;
-        of.base.map(|base| base * below + above + metal * fresnel(base, t.p))
+        let above = specular * substance.dielectric * f;
+        let metal = specular * substance.metallic;
+        substance.base.map(|base| base * below + above + metal * fresnel(base, t.p))
     }
 
     /// In one piece: the formulas of the header backwards, each of which needs names of those above it.
@@ -280,22 +280,22 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let (one, two, half) = (T::ONE, T::from_f64(2.0), T::from_f64(0.5));
         let inverse_pi = T::from_f64(FRAC_1_PI);
         let glass = T::from_f64(DIELECTRIC);
-        let of = Substance::new(material);
-        let t = Terms::new(n, v, l, &of);
+        let substance = Substance::new(material);
+        let t = Terms::new(n, v, l, &substance);
         let specular = t.distribution * t.g;
         let diffuse = t.nl * inverse_pi;
-        let metal = specular * of.metallic;
+        let metal = specular * substance.metallic;
 
         // What the diffuse term of a dielectric loses, and K.
         let f = fresnel(glass, t.p);
-        let shares = CONSERVING.then(|| Shares::new(t.nv, of.roughness, true));
+        let shares = CONSERVING.then(|| Shares::new(t.nv, substance.roughness, true));
         let (lost, factor) = match &shares {
             Some(shares) => (shares.above(glass), shares.factor(glass)),
             None => (f, one),
         };
         let below = diffuse * (one - lost);
         let above = specular * f * factor;
-        let (sum, of_base) = (bar[0] + bar[1] + bar[2], dot(bar, of.base));
+        let (sum, of_base) = (bar[0] + bar[1] + bar[2], dot(bar, substance.base));
         let (mut value, mut base_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
         // The gradients of a metal's share of `specular`, and of p; and how a metal's share is more than that of a
         // dielectric, F(base) K(base) - F(0.04) K(0.04), without what cancels.
@@ -303,28 +303,28 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let of_factor = shares.as_ref().map_or(T::ZERO, |shares| f * shares.excess);
         let mut shares_bars = [T::ZERO; 3];
         for c in 0..3 {
-            let base = of.base[c];
+            let base = substance.base[c];
             let reflected = fresnel(base, t.p);
             let factor = shares.as_ref().map_or(one, |shares| shares.factor(base));
-            value[c] = of.dielectric * (base * below + above) + metal * reflected * factor;
+            value[c] = substance.dielectric * (base * below + above) + metal * reflected * factor;
             metal_bar += bar[c] * reflected * factor;
             more += bar[c] * (base - glass) * ((one - t.p) * factor + of_factor);
             let f_bar = bar[c] * metal * factor;
             p_bar += f_bar * (one - base);
-            base_bar[c] = bar[c] * of.dielectric * below + f_bar * (one - t.p);
+            base_bar[c] = bar[c] * substance.dielectric * below + f_bar * (one - t.p);
             if let Some(shares) = &shares {
                 let factor_bar = bar[c] * metal * reflected;
                 base_bar[c] += shares.pull_back(base, T::ZERO, factor_bar, &mut shares_bars);
             }
         }
         let metallic_bar = specular * more - below * of_base;
-        let diffuse_bar = of.dielectric * (one - lost) * of_base;
-        let specular_bar = of.dielectric * f * factor * sum + of.metallic * metal_bar;
-        let mut f_bar = of.dielectric * specular * factor * sum;
-        let lost_bar = -(of.dielectric * diffuse * of_base);
+        let diffuse_bar = substance.dielectric * (one - lost) * of_base;
+        let specular_bar = substance.dielectric * f * factor * sum + substance.metallic * metal_bar;
+        let mut f_bar = substance.dielectric * specular * factor * sum;
+        let lost_bar = -(substance.dielectric * diffuse * of_base);
         let [by_nv, roughness_bar] = match &shares {
             Some(shares) => {
-                let factor_bar = of.dielectric * specular * f * sum;
+                let factor_bar = substance.dielectric * specular * f * sum;
                 shares.pull_back(glass, lost_bar, factor_bar, &mut shares_bars);
                 shares.pull_back_shares(true, shares_bars)
             }
@@ -338,7 +338,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         // p = x^5, and D = a^2 / (pi d^2) with d = (1 - a^2) q + a^2.
         let square = t.x * t.x;
         let x_bar = T::from_f64(5.0) * square * square * p_bar;
-        let rest = one - of.a2;
+        let rest = one - substance.a2;
         let (distribution_bar, g_bar) = (specular_bar * t.g, specular_bar * t.distribution);
         let d_bar = -(two * distribution_bar * t.distribution / t.d);
         let q_bar = d_bar * rest;
@@ -347,7 +347,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         // v = 1 / (2 den), so 1 / (2 den^2) = 2 v^2.
         let g_by_den = g_bar * two * t.v * t.v;
         let (inverse_a, inverse_b) = (one / t.a, one / t.b);
-        let nl_bar = diffuse_bar * inverse_pi + g_by_den * t.nv * of.a2 * inverse_b;
+        let nl_bar = diffuse_bar * inverse_pi + g_by_den * t.nv * substance.a2 * inverse_b;
         let nv_bar = by_nv - g_by_den * t.nl * (t.b + t.nl * rest * t.nv * inverse_a);
         a2_bar -= g_by_den
             * t.nl
@@ -365,15 +365,15 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
             normal: normal_bar,
             view: plus(m_bar, nv_bar, n),
             light: plus(m_bar, nl_bar, n),
-            material: of.pull_back(base_bar, metallic_bar, a2_bar, roughness_bar),
+            material: substance.pull_back(base_bar, metallic_bar, a2_bar, roughness_bar),
         };
         (value, bars)
     }
 
     #[inline(always)]
     fn everywhere<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>) -> Layers<T> {
-        let of = Substance::new(material);
-        Self::layers(&of, &Shares::new(facing(n, v).0, of.roughness, CONSERVING))
+        let substance = Substance::new(material);
+        Self::layers(&substance, &Shares::new(facing(n, v).0, substance.roughness, CONSERVING))
     }
 
     #[inline(always)]
@@ -382,13 +382,13 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         Seen { n, v, material }: Seen<T, 5>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 5>) {
-        let of = Substance::new(material);
+        let substance = Substance::new(material);
         let (nv, nv_moves) = facing(n, v);
-        let shares = Shares::new(nv, of.roughness, CONSERVING);
+        let shares = Shares::new(nv, substance.roughness, CONSERVING);
         let glass = T::from_f64(DIELECTRIC);
         let lost = shares.above(glass);
         let (of_base, sum) =
-            (dot(bars.below, of.base), bars.above[0] + bars.above[1] + bars.above[2]);
+            (dot(bars.below, substance.base), bars.above[0] + bars.above[1] + bars.above[2]);
         // With s for what is reflected at the surface, metallic moves `above` by s(base) - s(0.04) and `below` by
         // (s(0.04) - 1) base. Both are near 1 for white surfaces, so their sum is worked out for gradients that are
         // alike, and what these differ by counts alone: with s(1) = 1, or s(1) = E,
@@ -398,12 +398,12 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let spread = shares.single - shares.edge;
         let of_factor = shares.once(glass) * shares.excess;
         let rest = spread * shares.factor(glass) + shares.edge * shares.excess;
-        let loss = if CONSERVING { T::ZERO } else { albedo::lost(nv, of.roughness) };
+        let loss = if CONSERVING { T::ZERO } else { albedo::lost(nv, substance.roughness) };
         let mut metallic_bar = T::ZERO;
         let mut shares_bars = [T::ZERO; 3];
         let mut base_bar = [T::ZERO; 3];
         for c in 0..3 {
-            let (base, bar) = (of.base[c], bars.above[c]);
+            let (base, bar) = (substance.base[c], bars.above[c]);
             let more = (base - glass) * (spread * shares.factor(base) + of_factor);
             let both = if CONSERVING {
                 -((one - base) * (spread * shares.excess * base + glass * rest))
@@ -411,31 +411,33 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
                 -(base * loss + glass * spread * (one - base))
             };
             metallic_bar += (bar - bars.below[c]) * more + bars.below[c] * both;
-            base_bar[c] = bars.below[c] * of.dielectric * (T::ONE - lost)
-                + shares.pull_back(base, of.metallic * bar, T::ZERO, &mut shares_bars);
+            base_bar[c] = bars.below[c] * substance.dielectric * (T::ONE - lost)
+                + shares.pull_back(base, substance.metallic * bar, T::ZERO, &mut shares_bars);
         }
-        shares.pull_back(glass, of.dielectric * (sum - of_base), T::ZERO, &mut shares_bars);
+        shares.pull_back(glass, substance.dielectric * (sum - of_base), T::ZERO, &mut shares_bars);
         let [nv_bar, roughness_bar] = shares.pull_back_shares(CONSERVING, shares_bars);
         let nv_bar = nv_moves * nv_bar;
         let bars = Bars {
             normal: scaled(nv_bar, v),
             view: scaled(nv_bar, n),
             light: [T::ZERO; 3],
-            material: of.pull_back(base_bar, metallic_bar, T::ZERO, roughness_bar),
+            material: substance.pull_back(base_bar, metallic_bar, T::ZERO, roughness_bar),
         };
-        (Self::layers(&of, &shares), bars)
+        (Self::layers(&substance, &shares), bars)
     }
 }
 
 impl<const CONSERVING: bool> MetallicRoughness<CONSERVING> {
     /// What is reflected below the surface, and at it.
     #[inline(always)]
-    fn layers<T: Scalar>(of: &Substance<T>, shares: &Shares<T>) -> Layers<T> {
+    fn layers<T: Scalar>(substance: &Substance<T>, shares: &Shares<T>) -> Layers<T> {
         let lost = shares.above(T::from_f64(DIELECTRIC));
-        let below = of.dielectric * (T::ONE - lost);
+        let below = substance.dielectric * (T::ONE - lost);
         Layers {
-            below: scaled(below, of.base),
-            above: of.base.map(|base| of.dielectric * lost + of.metallic * shares.above(base)),
+            below: scaled(below, substance.base),
+            above: substance
+                .base
+                .map(|base| substance.dielectric * lost + substance.metallic * shares.above(base)),
         }
     }
 }

@@ -126,14 +126,14 @@ impl Tangents {
         vertices.resize(self.indices.vertex_count(), NOWHERE);
         let named = self.indices.faces().as_flattened().iter();
         for (&coordinate, &vertex) in named.zip(self.mesh.faces().as_flattened()) {
-            let place = &mut vertices[coordinate as usize];
-            if *place != NOWHERE && *place != vertex {
+            let entry = &mut vertices[coordinate as usize];
+            if *entry != NOWHERE && *entry != vertex {
                 let rule =
-                    format!("texture coordinate {coordinate} at no vertex but {place}").into();
+                    format!("texture coordinate {coordinate} at no vertex but {entry}").into();
                 let value = f64::from(vertex);
                 return Err(TensorError::Value { operation: NAME, rule, value }.into());
             }
-            *place = vertex;
+            *entry = vertex;
         }
         Ok(())
     }
@@ -198,16 +198,16 @@ impl<S: Scalar> Sum<S> {
     /// The sum over some corners.
     #[inline(always)]
     fn over(corners: &[usize], parts: &[Part<S>]) -> Self {
-        let of = |corner: usize| (&parts[corner / 3], corner % 3);
+        let part_of = |corner: usize| (&parts[corner / 3], corner % 3);
         let mut angles = [S::ZERO; 2];
         for &corner in corners {
-            let (part, k) = of(corner);
+            let (part, k) = part_of(corner);
             angles[usize::from(part.is_mirrored)] += part.weights[k];
         }
         let is_mirrored = angles[1] > angles[0];
         let (mut s, mut doubt) = ([S::ZERO; 3], S::ZERO);
         for &corner in corners {
-            let (part, k) = of(corner);
+            let (part, k) = part_of(corner);
             if part.is_mirrored == is_mirrored && part.weights[k] > S::ZERO {
                 s = sum(s, scaled(part.weights[k], part.directions[k]));
                 doubt += part.weights[k] * part.doubts[k];

@@ -179,11 +179,11 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         }
         let places = [(apex + 1) % 3, (apex + 2) % 3];
         let mut v_bars = [S::ZERO; 3];
-        for (i, (place, edge)) in places.into_iter().zip(ends(&self.facet)).enumerate() {
-            edge_bars[place] = sum(edge_bars[place], scaled(self.dv[i], t_bar));
+        for (i, (corner, edge)) in places.into_iter().zip(ends(&self.facet)).enumerate() {
+            edge_bars[corner] = sum(edge_bars[corner], scaled(self.dv[i], t_bar));
             let dv_bar = self.factor * dot(edge, t_bar);
             let dv_bar = if self.is_mirrored { dv_bar } else { -dv_bar };
-            v_bars[place] += dv_bar;
+            v_bars[corner] += dv_bar;
             v_bars[apex] -= dv_bar;
         }
         for k in 0..3 {
@@ -207,8 +207,9 @@ fn ends<S: Scalar>(facet: &Facet<S>) -> [Vector3<S>; 2] {
 #[inline(always)]
 fn differences<S: Scalar>(corners: [[S; 2]; 3], apex: usize) -> ([[S; 2]; 2], S) {
     let between = |scale: S| {
-        let [at, next, last] = [0, 1, 2].map(|step| corners[(apex + step) % 3].map(|x| scale * x));
-        [next, last].map(|corner| [corner[0] - at[0], corner[1] - at[1]])
+        let [here, next, last] =
+            [0, 1, 2].map(|step| corners[(apex + step) % 3].map(|x| scale * x));
+        [next, last].map(|corner| [corner[0] - here[0], corner[1] - here[1]])
     };
     let size =
         |[[a, b], [c, d]]: [[S; 2]; 2]| larger(larger(a.abs(), b.abs()), larger(c.abs(), d.abs()));

@@ -252,8 +252,8 @@ pub(crate) fn check_radius(radius: Radius) -> Result<(), RenderError> {
 
 /// The radius that a blur asks for, or less where taps from there on are negligible. `None` where the window is
 /// endless.
-fn cut_radius(asked: Radius, sigma: f64, is_negligible: impl Fn(usize) -> bool) -> Option<usize> {
-    let radius = match asked {
+fn cut_radius(radius: Radius, sigma: f64, is_negligible: impl Fn(usize) -> bool) -> Option<usize> {
+    let radius = match radius {
         Radius::Fixed(radius) => radius,
         Radius::Tolerance(tolerance) => smallest_radius(sigma, tolerance)?,
     };

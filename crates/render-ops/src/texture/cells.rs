@@ -39,7 +39,7 @@ const NO_CELL: f64 = -2.0;
 #[derive(Debug)]
 pub(super) struct Cells<T> {
     /// The row and the column of the upper left texel, from -1 on; or [`NO_CELL`].
-    pub(super) at: [Lanes<i32>; 2],
+    pub(super) corners: [Lanes<i32>; 2],
     /// f and g: how far the place lies from that texel to the right and down.
     pub(super) fractions: [Lanes<T>; 2],
     /// The number of the upper left texel on its level, if all four texels are on the face; or
@@ -52,7 +52,7 @@ const BEYOND: u32 = u32::MAX;
 
 impl<T: Scalar> Cells<T> {
     pub(super) fn new() -> Self {
-        Self { at: [[0; LANES]; 2], fractions: [[T::ZERO; LANES]; 2], texels: [0; LANES] }
+        Self { corners: [[0; LANES]; 2], fractions: [[T::ZERO; LANES]; 2], texels: [0; LANES] }
     }
 
     /// f and g of probe `i`.
@@ -71,13 +71,13 @@ impl<T: Scalar> Cells<T> {
         rounding: Rounding,
     ) {
         for axis in 0..2 {
-            let at = &places.at[axis][lanes.clone()];
+            let positions = &places.positions[axis][lanes.clone()];
             // Along the columns of a face its rows follow each other.
-            let texels = &mut self.at[1 - axis][lanes.clone()];
+            let texels = &mut self.corners[1 - axis][lanes.clone()];
             let fractions = &mut self.fractions[axis][lanes.clone()];
             let (scale, count) = (extents.scale[axis], extents.counts[1 - axis]);
             let rounding = (rounding.to_nearest, rounding.ends[axis]);
-            find_along(at, scale, count, rounding, texels, fractions);
+            find_along(positions, scale, count, rounding, texels, fractions);
         }
     }
 
@@ -90,7 +90,7 @@ impl<T: Scalar> Cells<T> {
         extents: &Extents<T>,
     ) {
         let faces = &places.faces[lanes.clone()];
-        let [rows, columns] = [0, 1].map(|k| &self.at[k][lanes.clone()]);
+        let [rows, columns] = [0, 1].map(|k| &self.corners[k][lanes.clone()]);
         let texels = &mut self.texels[lanes];
         let count = texels.len();
         let (faces, rows, columns) = (&faces[..count], &rows[..count], &columns[..count]);
@@ -107,10 +107,10 @@ impl<T: Scalar> Cells<T> {
     }
 }
 
-/// Finds texels and fractions of the places `at` along an axis of `count` texels.
+/// Finds texels and fractions of `positions` along an axis of `count` texels.
 #[inline(always)]
 fn find_along<T: Scalar>(
-    at: &[T],
+    positions: &[T],
     scale: T,
     count: usize,
     (to_nearest, ends): (bool, bool),
@@ -119,9 +119,9 @@ fn find_along<T: Scalar>(
 ) {
     let (first, last) = (if to_nearest { 0.0 } else { -1.0 }, count as f64 - 1.0);
     let half = T::from_f64(if to_nearest { 0.0 } else { 0.5 });
-    let (texels, fractions) = (&mut texels[..at.len()], &mut fractions[..at.len()]);
-    for i in 0..at.len() {
-        let x = at[i] * scale - half;
+    let (texels, fractions) = (&mut texels[..positions.len()], &mut fractions[..positions.len()]);
+    for i in 0..positions.len() {
+        let x = positions[i] * scale - half;
         let floor = x.to_f64().floor();
         let near = if floor > first { floor } else { first };
         let near = if near < last { near } else { last };

@@ -32,19 +32,19 @@ use crate::cube_faces::{AXES, towards_texel};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place<T> {
     pub(super) face: usize,
-    pub(super) at: [T; 2],
+    pub(super) position: [T; 2],
 }
 
 /// The places of a block of probes.
 #[derive(Debug)]
 pub(super) struct Places<T> {
     pub(super) faces: Lanes<u8>,
-    pub(super) at: [Lanes<T>; 2],
+    pub(super) positions: [Lanes<T>; 2],
 }
 
 impl<T: Scalar> Places<T> {
     pub(super) fn new() -> Self {
-        Self { faces: [0; LANES], at: [[T::ZERO; LANES]; 2] }
+        Self { faces: [0; LANES], positions: [[T::ZERO; LANES]; 2] }
     }
 }
 
@@ -76,26 +76,31 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     const IS_CURVED: bool;
 
     /// The place of coordinates.
-    fn place<T: Scalar>(self, coordinates: [T; K]) -> Place<T>;
+    fn locate<T: Scalar>(self, coordinates: [T; K]) -> Place<T>;
 
     /// The places of the first `count` coordinates.
     #[inline(always)]
-    fn places<T: Scalar>(self, coordinates: &[Lanes<T>; K], count: usize, places: &mut Places<T>) {
+    fn locate_all<T: Scalar>(
+        self,
+        coordinates: &[Lanes<T>; K],
+        count: usize,
+        places: &mut Places<T>,
+    ) {
         let count = count.min(LANES);
         for i in 0..count {
             let mut point = [T::ZERO; K];
             for k in 0..K {
                 point[k] = coordinates[k][i];
             }
-            let Place { face, at } = self.place(point);
+            let Place { face, position } = self.locate(point);
             places.faces[i] = face as u8;
-            places.at[0][i] = at[0];
-            places.at[1][i] = at[1];
+            places.positions[0][i] = position[0];
+            places.positions[1][i] = position[1];
         }
     }
 
     /// The gradients of coordinates from the gradient of their place.
-    fn pull_back<T: Scalar>(self, coordinates: [T; K], at_bar: [T; 2]) -> [T; K];
+    fn pull_back<T: Scalar>(self, coordinates: [T; K], position_bar: [T; 2]) -> [T; K];
 
     /// The gradients of the first `count` coordinates from the gradients of their places.
     #[inline(always)]
@@ -103,7 +108,7 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
         self,
         coordinates: &[Lanes<T>; K],
         count: usize,
-        at_bars: &[Lanes<T>; 2],
+        position_bars: &[Lanes<T>; 2],
         bars: &mut [Lanes<T>; K],
     ) {
         for i in 0..count.min(LANES) {
@@ -111,7 +116,7 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
             for k in 0..K {
                 point[k] = coordinates[k][i];
             }
-            let point = self.pull_back(point, [at_bars[0][i], at_bars[1][i]]);
+            let point = self.pull_back(point, [position_bars[0][i], position_bars[1][i]]);
             for k in 0..K {
                 bars[k][i] = point[k];
             }
@@ -129,9 +134,9 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
         bars: [[T; 2]; 2],
     ) -> ([T; K], [[T; 2]; K]);
 
-    /// What stands for the texel in row and column `at` of a face, some of which lies beyond its
-    /// `[rows, columns]`, by one.
-    fn beyond(self, extents: [usize; 2], face: usize, at: [isize; 2]) -> Texels;
+    /// What stands for `texel`, a row and a column of a face, which may lie beyond its `[rows, columns]` by
+    /// one.
+    fn beyond(self, extents: [usize; 2], face: usize, texel: [isize; 2]) -> Texels;
 
     /// Whether places beyond a face along each of its axes show nothing.
     fn ends(self) -> [bool; 2];
@@ -235,28 +240,33 @@ impl Chart<2> for Plane {
     const IS_CURVED: bool = false;
 
     #[inline(always)]
-    fn place<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
+    fn locate<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
         let [u, v] = coordinates;
-        Place { face: 0, at: [self.reduced(0, u)[0], self.reduced(1, v)[0]] }
+        Place { face: 0, position: [self.reduced(0, u)[0], self.reduced(1, v)[0]] }
     }
 
     #[inline(always)]
-    fn places<T: Scalar>(self, coordinates: &[Lanes<T>; 2], count: usize, places: &mut Places<T>) {
+    fn locate_all<T: Scalar>(
+        self,
+        coordinates: &[Lanes<T>; 2],
+        count: usize,
+        places: &mut Places<T>,
+    ) {
         for k in 0..2 {
             self.for_each(
                 k,
                 &coordinates[k][..count],
-                &mut places.at[k][..count],
+                &mut places.positions[k][..count],
                 #[inline(always)]
-                |at, [u, _]| *at = u,
+                |position, [u, _]| *position = u,
             );
         }
     }
 
     #[inline(always)]
-    fn pull_back<T: Scalar>(self, coordinates: [T; 2], at_bar: [T; 2]) -> [T; 2] {
+    fn pull_back<T: Scalar>(self, coordinates: [T; 2], position_bar: [T; 2]) -> [T; 2] {
         let [u, v] = coordinates;
-        [self.reduced(0, u)[1] * at_bar[0], self.reduced(1, v)[1] * at_bar[1]]
+        [self.reduced(0, u)[1] * position_bar[0], self.reduced(1, v)[1] * position_bar[1]]
     }
 
     #[inline(always)]
@@ -264,10 +274,10 @@ impl Chart<2> for Plane {
         self,
         coordinates: &[Lanes<T>; 2],
         count: usize,
-        at_bars: &[Lanes<T>; 2],
+        position_bars: &[Lanes<T>; 2],
         bars: &mut [Lanes<T>; 2],
     ) {
-        *bars = *at_bars;
+        *bars = *position_bars;
         for k in 0..2 {
             self.for_each(
                 k,
@@ -296,20 +306,20 @@ impl Chart<2> for Plane {
         ([T::ZERO; 2], bars)
     }
 
-    fn beyond(self, extents: [usize; 2], _: usize, at: [isize; 2]) -> Texels {
+    fn beyond(self, extents: [usize; 2], _: usize, texel: [isize; 2]) -> Texels {
         let source = |k: usize| {
-            let (at, extent) = (at[k], extents[k] as isize);
+            let (texel, extent) = (texel[k], extents[k] as isize);
             // Rows follow each other along v, and columns along u.
             match self.borders[1 - k] {
                 // Beyond by one, so that no division is needed.
-                TextureBorder::Wrap if at < 0 => Some((at + extent) as usize),
-                TextureBorder::Wrap if at >= extent => Some((at - extent) as usize),
-                TextureBorder::Wrap => Some(at as usize),
+                TextureBorder::Wrap if texel < 0 => Some((texel + extent) as usize),
+                TextureBorder::Wrap if texel >= extent => Some((texel - extent) as usize),
+                TextureBorder::Wrap => Some(texel as usize),
                 // One beyond the border its mirror image is the border itself.
                 TextureBorder::Mirror | TextureBorder::Clamp => {
-                    Some(at.clamp(0, extent - 1) as usize)
+                    Some(texel.clamp(0, extent - 1) as usize)
                 }
-                TextureBorder::Zero => (0..extent).contains(&at).then_some(at as usize),
+                TextureBorder::Zero => (0..extent).contains(&texel).then_some(texel as usize),
             }
         };
         match [source(0), source(1)] {
@@ -356,26 +366,26 @@ impl Chart<3> for Cube {
     const IS_CURVED: bool = true;
 
     #[inline(always)]
-    fn place<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
+    fn locate<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
         let (face, major) = Self::face(direction);
         let half = T::from_f64(0.5);
-        let at = Self::ratios(direction, face, major).map(|ratio| {
+        let position = Self::ratios(direction, face, major).map(|ratio| {
             // A sum of probes may be no direction at all.
-            let place = half * ratio + half;
-            if place >= T::ZERO { place.minimum_number(T::ONE) } else { T::ZERO }
+            let coordinate = half * ratio + half;
+            if coordinate >= T::ZERO { coordinate.minimum_number(T::ONE) } else { T::ZERO }
         });
-        Place { face, at }
+        Place { face, position }
     }
 
     #[inline(always)]
-    fn pull_back<T: Scalar>(self, direction: [T; 3], at_bar: [T; 2]) -> [T; 3] {
+    fn pull_back<T: Scalar>(self, direction: [T; 3], position_bar: [T; 2]) -> [T; 3] {
         let (face, major) = Self::face(direction);
         let ratios = Self::ratios(direction, face, major);
         let mut bar = [T::ZERO; 3];
         // A ratio `sign d / |m|` of a component d to the major one m has the slopes `sign / |m|` with d and
         // `-ratio m / |m|^2` with m.
         for (k, (axis, sign)) in AXES[face].into_iter().enumerate() {
-            let ratio_bar = T::from_f64(0.5) * at_bar[k] / major.abs();
+            let ratio_bar = T::from_f64(0.5) * position_bar[k] / major.abs();
             bar[axis] += T::from_f64(sign) * ratio_bar;
             bar[face / 2] -= ratios[k] * Self::sign(major) * ratio_bar;
         }
@@ -430,16 +440,16 @@ impl Chart<3> for Cube {
         if near_row != row && near_column != column {
             // Three faces meet in a corner: there is no fourth texel.
             let texels = [[near_row, near_column], [near_row, column], [row, near_column]];
-            let texel = |at| self.beyond([extent; 2], face, at).texels[0];
+            let texel = |position| self.beyond([extent; 2], face, position).texels[0];
             return Texels { texels: texels.map(texel), count: 3 };
         }
         if near_row == row && near_column == column {
             return Texels::one([face, row as usize, column as usize]);
         }
         // The texel of the face that the middle of this texel, in the plane of its own face, shows.
-        let Place { face, at } = self.place(towards_texel(face, [row, column], extent));
-        let index = |at: f64| ((at * extent as f64) as usize).min(extent - 1);
-        Texels::one([face, index(at[1]), index(at[0])])
+        let Place { face, position } = self.locate(towards_texel(face, [row, column], extent));
+        let index = |position: f64| ((position * extent as f64) as usize).min(extent - 1);
+        Texels::one([face, index(position[1]), index(position[0])])
     }
 
     #[inline(always)]
@@ -462,13 +472,13 @@ mod tests {
         for d in all.as_flattened().as_flattened() {
             let Some(axis) = d.iter().position(|&x| x != 0.0) else { continue };
             let face = 2 * axis + usize::from(d[axis] < 0.0);
-            assert_eq!(Cube.place(*d).face, face, "{d:?}");
-            assert_eq!(Cube.place(d.map(|x| 3.0 * x as f32)).face, face, "{d:?}");
+            assert_eq!(Cube.locate(*d).face, face, "{d:?}");
+            assert_eq!(Cube.locate(d.map(|x| 3.0 * x as f32)).face, face, "{d:?}");
             // A hair beside it the larger one has it.
             for other in (0..3).filter(|&other| other != axis && d[other] != 0.0) {
                 let mut beside = *d;
                 beside[other] *= 1.0 + f64::EPSILON;
-                assert_eq!(Cube.place(beside).face, 2 * other + usize::from(d[other] < 0.0));
+                assert_eq!(Cube.locate(beside).face, 2 * other + usize::from(d[other] < 0.0));
             }
             count += 1;
         }
@@ -479,7 +489,7 @@ mod tests {
     fn a_direction_leads_back_to_its_place() {
         for face in 0..6 {
             for [s, t] in [[0.0, 0.0], [0.75, -0.5], [-0.25, 0.875], [-0.5, -0.125]] {
-                let found = Cube.place(direction(face, [s, t]).map(|x| 2.5 * x));
+                let found = Cube.locate(direction(face, [s, t]).map(|x| 2.5 * x));
                 assert_eq!((found.face, found.at), (face, [s, t].map(|ratio| 0.5 * ratio + 0.5)));
             }
         }

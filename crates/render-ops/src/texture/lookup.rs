@@ -309,6 +309,6 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
                 keys[i] = 2 * integer(nearest) as u32;
             }
         }
-        self.chart.places(&probes.coordinates, count, &mut probes.places);
+        self.chart.locate_all(&probes.coordinates, count, &mut probes.places);
     }
 }

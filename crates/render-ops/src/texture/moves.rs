@@ -133,7 +133,12 @@ fn add_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: u
         #[inline(always)]
         |probes, moves| {
             let mut place_bars = [[T::ZERO; LANES]; K];
-            chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut place_bars);
+            chart.pull_back_all(
+                &probes.coordinates,
+                probes.count,
+                &moves.positions,
+                &mut place_bars,
+            );
             let first = probes.samples[0] - start;
             if width == 1 {
                 // Each sample has a single probe.

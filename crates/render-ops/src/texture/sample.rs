@@ -155,9 +155,9 @@ fn check_finite<T: Scalar>(
     if numbers.chunks(1024).all(is_finite) {
         return Ok(());
     }
-    let at = numbers.iter().position(|number| !number.is_finite()).expect("it was found above");
-    let value = numbers[at].to_f64();
-    Err(RenderError::NotFinite { operation, what, row: at / width.max(1), value })
+    let index = numbers.iter().position(|number| !number.is_finite()).expect("it was found above");
+    let value = numbers[index].to_f64();
+    Err(RenderError::NotFinite { operation, what, row: index / width.max(1), value })
 }
 
 impl<C: Chart<K>, const K: usize> Sample<C, K> {
@@ -258,30 +258,30 @@ impl<C: Chart<K>, const K: usize> Sample<C, K> {
         shape: impl Fn(usize) -> &'a Shape,
     ) -> (AllExtents<T>, usize) {
         let first = self.kind.first_level();
-        let of = |i: usize| {
+        let extents_of = |i: usize| {
             let &[.., rows, columns, channels] = &**shape(i) else {
                 unreachable!("it was checked")
             };
             ([rows, columns], channels)
         };
-        let extents = (first..inputs).map(|i| Extents::new(of(i).0)).collect();
-        (extents, of(first).1)
+        let extents = (first..inputs).map(|i| Extents::new(extents_of(i).0)).collect();
+        (extents, extents_of(first).1)
     }
 
     /// Which inputs before the levels get a gradient now.
     fn wanted<T: Scalar>(&self, gradients: &Accumulators<'_, T>) -> Wanted {
         let mixes = self.filter.mixes_levels();
-        let of = |is_there: bool, input: usize| {
+        let input_if = |is_there: bool, input: usize| {
             (mixes && is_there && gradients.needs(input)).then_some(input)
         };
         let has_differentials =
             matches!(self.kind, Kind::Differentials | Kind::BiasedDifferentials);
         Wanted {
             coordinates: gradients.needs(0).then_some(0),
-            differentials: of(has_differentials, 1),
+            differentials: input_if(has_differentials, 1),
             level: match self.kind {
-                Kind::Level => of(true, 1),
-                Kind::BiasedDifferentials => of(true, 2),
+                Kind::Level => input_if(true, 1),
+                Kind::BiasedDifferentials => input_if(true, 2),
                 _ => None,
             },
         }

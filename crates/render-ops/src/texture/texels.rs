@@ -81,15 +81,15 @@ impl<T: Scalar> Default for TexelSums<T> {
 
 /// The weights of a block of probes in the texels of their cells, which are in the order of rows.
 struct Weights<S> {
-    of: [Lanes<S>; 4],
+    by_corner: [Lanes<S>; 4],
     /// Where the first texel is among the texels of a tile's sums.
-    at: Lanes<u32>,
+    first_texels: Lanes<u32>,
     count: usize,
 }
 
 impl<S: Scalar<Wide = S>> Weights<S> {
     fn new() -> Self {
-        Self { of: [[S::ZERO; LANES]; 4], at: [0; LANES], count: 0 }
+        Self { by_corner: [[S::ZERO; LANES]; 4], first_texels: [0; LANES], count: 0 }
     }
 
     /// Finds the weights of probes on a level.
@@ -111,12 +111,12 @@ impl<S: Scalar<Wide = S>> Weights<S> {
             let lower = weight * g;
             let upper = weight - lower;
             let rights = [upper * f, lower * f];
-            self.of[0][i] = (upper - rights[0]).widen();
-            self.of[1][i] = rights[0].widen();
-            self.of[2][i] = (lower - rights[1]).widen();
-            self.of[3][i] = rights[1].widen();
-            let [row, column] = [0, 1].map(|k| (cells.at[k][i] - origin[k]) as u32);
-            self.at[i] = row * texels as u32 + column;
+            self.by_corner[0][i] = (upper - rights[0]).widen();
+            self.by_corner[1][i] = rights[0].widen();
+            self.by_corner[2][i] = (lower - rights[1]).widen();
+            self.by_corner[3][i] = rights[1].widen();
+            let [row, column] = [0, 1].map(|k| (cells.corners[k][i] - origin[k]) as u32);
+            self.first_texels[i] = row * texels as u32 + column;
         }
     }
 
@@ -138,7 +138,8 @@ impl<S: Scalar<Wide = S>> Weights<S> {
         let mut last = [T::ZERO; L];
         for i in 0..self.count.min(LANES) {
             let bars = &bars[samples[i] * groups * N..];
-            let (upper, lower) = sums[self.at[i] as usize * width..].split_at_mut(texels * width);
+            let (upper, lower) =
+                sums[self.first_texels[i] as usize * width..].split_at_mut(texels * width);
             let (upper_left, upper_right) = upper[..2 * width].split_at_mut(width);
             let (lower_left, lower_right) = lower[..2 * width].split_at_mut(width);
             for group in 0..groups {
@@ -154,11 +155,11 @@ impl<S: Scalar<Wide = S>> Weights<S> {
                 for k in 0..L {
                     wide[k] = bars[k].widen();
                 }
-                let at = group * L..(group + 1) * L;
-                add_share(&mut upper_left[at.clone()], self.of[0][i], wide);
-                add_share(&mut upper_right[at.clone()], self.of[1][i], wide);
-                add_share(&mut lower_left[at.clone()], self.of[2][i], wide);
-                add_share(&mut lower_right[at], self.of[3][i], wide);
+                let entries = group * L..(group + 1) * L;
+                add_share(&mut upper_left[entries.clone()], self.by_corner[0][i], wide);
+                add_share(&mut upper_right[entries.clone()], self.by_corner[1][i], wide);
+                add_share(&mut lower_left[entries.clone()], self.by_corner[2][i], wide);
+                add_share(&mut lower_right[entries], self.by_corner[3][i], wide);
             }
         }
     }
@@ -253,7 +254,7 @@ impl<T: Scalar> TexelSums<T> {
         self.sum_parts::<C, K, N, L>(terms);
         let mut rows = std::mem::take(&mut self.rows);
         rows.resize_with(tiles.rows().max(rows.len()), Row::default);
-        let own = &*self;
+        let this = &*self;
         let line = tiles.extents[1] * channels;
         // Rows of tiles overlap by a row of texels. So even rows are added first, at the same time, and then
         // odd ones: no two at work share a texel, and the order of sums is fixed.
@@ -273,7 +274,7 @@ impl<T: Scalar> TexelSums<T> {
                 Some((k, row, lines))
             });
             let add = |k: usize, row: &mut Row<T>, lines: &mut [T]| {
-                own.add_row::<C, K, N, L>(terms, k, row, lines);
+                this.add_row::<C, K, N, L>(terms, k, row, lines);
             };
             if is_shared(tiles.rows().div_ceil(2), 1) {
                 let mut work: Vec<_> = work.collect();
@@ -283,9 +284,10 @@ impl<T: Scalar> TexelSums<T> {
             }
         }
         for row in &rows[..tiles.rows()] {
-            for (&(face, at), sums) in row.beyond.iter().zip(row.beyond_sums.chunks_exact(channels))
+            for (&(face, position), sums) in
+                row.beyond.iter().zip(row.beyond_sums.chunks_exact(channels))
             {
-                let texels = terms.lookup.chart.beyond(tiles.extents, face, at);
+                let texels = terms.lookup.chart.beyond(tiles.extents, face, position);
                 for &[face, row, column] in texels.iter() {
                     let texel = (face * tiles.extents[0] + row) * tiles.extents[1] + column;
                     let entries = &mut gradient[texel * channels..][..channels];
@@ -325,10 +327,10 @@ impl<T: Scalar> TexelSums<T> {
                 parts.pop();
             }
         }
-        let own = &*self;
+        let this = &*self;
         let work = |range: Range<usize>, sums: &mut Vec<T::Wide>| {
             let Part { tile, pieces } = &parts[range.start];
-            own.sum::<C, K, N, L>(terms, *tile, pieces.clone(), sums);
+            this.sum::<C, K, N, L>(terms, *tile, pieces.clone(), sums);
         };
         merge_ranges_into(&mut sums_of_parts, parts.len(), 1, work, |_| {});
         (self.parts, self.sums_of_parts) = (parts, sums_of_parts);
@@ -400,7 +402,7 @@ fn add_sums<T: Scalar, const N: usize, const L: usize>(
     let row_of_tiles = (tile - tiles.first) / columns;
     let (face, of_face) = (row_of_tiles / rows_of_face, row_of_tiles % rows_of_face);
     let first_line = tiles.texel_rows(of_face).start as isize;
-    let origin = tiles.origin(tile).map(|at| at as isize);
+    let origin = tiles.origin(tile).map(|start| start as isize);
     let [last_row, last_column] = tiles.extents.map(|extent| extent as isize - 1);
     // The columns of the tile's sums that lie on the face.
     let left = (-origin[1]).max(0) as usize;

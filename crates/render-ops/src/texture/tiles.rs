@@ -94,7 +94,7 @@ impl Tiles {
         let [rows_of_face, columns] = self.counts.map(|count| count as u32);
         let first = self.first as u32;
         let (faces, tiles) = (&places.faces[lanes.clone()], &mut tiles[lanes.clone()]);
-        let [rows, lines] = [0, 1].map(|k| &cells.at[k][lanes.clone()]);
+        let [rows, lines] = [0, 1].map(|k| &cells.corners[k][lanes.clone()]);
         let count = tiles.len();
         let (faces, rows, lines) = (&faces[..count], &rows[..count], &lines[..count]);
         let shift = self.shift;
@@ -193,10 +193,10 @@ impl Piece {
         }
     }
 
-    /// The runs of the tile at `place`.
-    fn runs(&self, place: usize) -> &[Run] {
-        let start = place.checked_sub(1).map_or(0, |before| self.tiles[before].end);
-        &self.runs[start as usize..self.tiles[place].end as usize]
+    /// The runs of the tile at `index`.
+    fn runs(&self, index: usize) -> &[Run] {
+        let start = index.checked_sub(1).map_or(0, |before| self.tiles[before].end);
+        &self.runs[start as usize..self.tiles[index].end as usize]
     }
 }
 
@@ -274,10 +274,10 @@ impl Runs {
         touched.clear();
         touched.resize(ends[tiles] as usize, [0; 2]);
         for (k, piece) in pieces[..count.div_ceil(SAMPLES_PER_PIECE)].iter().enumerate() {
-            for (place, &Touched { tile, .. }) in piece.tiles.iter().enumerate() {
-                let at = &mut ends[tile as usize];
-                touched[*at as usize] = [k as u32, place as u32];
-                *at += 1;
+            for (position, &Touched { tile, .. }) in piece.tiles.iter().enumerate() {
+                let end = &mut ends[tile as usize];
+                touched[*end as usize] = [k as u32, position as u32];
+                *end += 1;
             }
         }
     }
@@ -295,16 +295,16 @@ impl Runs {
 
     /// The number of probes of a tile in a piece that touches it.
     pub(super) fn probes_of(&self, piece: usize) -> usize {
-        let [piece, place] = self.touched[piece].map(|k| k as usize);
-        self.pieces[piece].tiles[place].probes as usize
+        let [piece, position] = self.touched[piece].map(|k| k as usize);
+        self.pieces[piece].tiles[position].probes as usize
     }
 
     /// The runs of a tile in some pieces that touch it: their first probes, and how many there are.
     #[inline(always)]
     pub(super) fn runs(&self, pieces: Range<usize>) -> impl Iterator<Item = (Probe, usize)> {
         self.touched[pieces].iter().flat_map(move |touched| {
-            let [piece, place] = touched.map(|k| k as usize);
-            self.pieces[piece].runs(place).iter().map(move |run| {
+            let [piece, position] = touched.map(|k| k as usize);
+            self.pieces[piece].runs(position).iter().map(move |run| {
                 let sample = piece * SAMPLES_PER_PIECE + run.sample as usize;
                 (Probe { sample, number: run.number as usize }, run.count as usize)
             })

@@ -87,8 +87,8 @@ impl<'a, T: Scalar> Level<'a, T> {
         {
             return [a, b, c, d];
         }
-        let at = [cells.at[0][i], cells.at[1][i]];
-        *spare = self.corners_beyond::<K, N, L>(chart, face as usize, at, channel);
+        let corner = [cells.corners[0][i], cells.corners[1][i]];
+        *spare = self.corners_beyond::<K, N, L>(chart, face as usize, corner, channel);
         spare.each_ref()
     }
 
@@ -102,8 +102,8 @@ impl<'a, T: Scalar> Level<'a, T> {
         channel: usize,
     ) -> [[T; L]; 4] {
         let ([row, column], extents) = ([row as isize, column as isize], self.extents.counts);
-        [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]].map(|at| {
-            let beyond = chart.beyond(extents, face, at);
+        [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]].map(|corner| {
+            let beyond = chart.beyond(extents, face, corner);
             let mut sum = [T::ZERO; L];
             for &[face, row, column] in beyond.iter() {
                 let texel = (face * extents[0] + row) * extents[1] + column;
@@ -160,13 +160,13 @@ fn dot<T: Scalar, const L: usize, const N: usize>(a: &[T; L], b: &[T; N]) -> T {
 /// The gradients that probes give to their places and to their levels.
 #[derive(Debug)]
 pub(super) struct Moves<T> {
-    pub(super) at: [Lanes<T>; 2],
+    pub(super) positions: [Lanes<T>; 2],
     pub(super) levels: Lanes<T>,
 }
 
 impl<T: Scalar> Moves<T> {
     pub(super) fn new() -> Self {
-        Self { at: [[T::ZERO; LANES]; 2], levels: [T::ZERO; LANES] }
+        Self { positions: [[T::ZERO; LANES]; 2], levels: [T::ZERO; LANES] }
     }
 
     #[inline(always)]
@@ -218,17 +218,17 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Part<'_, T, C, K> {
 
     /// Finds the samples of its probes, in a group of channels.
     #[inline(always)]
-    fn mix<const N: usize, const L: usize>(&self, channel: usize, found: &mut Lanes<[T; L]>) {
+    fn mix<const N: usize, const L: usize>(&self, channel: usize, samples: &mut Lanes<[T; L]>) {
         let mut spare = [[[T::ZERO; L]; 4]; 2];
         for i in self.segment.lanes.clone() {
             let [of_fine, of_coarse] = &mut spare;
-            let (corners, at) = self.corners::<N, L>(0, i, channel, of_fine);
-            let mut value = sample(corners, at);
+            let (corners, fractions) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut value = sample(corners, fractions);
             if self.segment.is_free {
-                let (corners, at) = self.corners::<N, L>(1, i, channel, of_coarse);
-                value = mix(value, sample(corners, at), self.probes.fractions[i]);
+                let (corners, fractions) = self.corners::<N, L>(1, i, channel, of_coarse);
+                value = mix(value, sample(corners, fractions), self.probes.fractions[i]);
             }
-            found[i] = value;
+            samples[i] = value;
         }
     }
 
@@ -243,16 +243,16 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Part<'_, T, C, K> {
         let mut spare = [[[T::ZERO; L]; 4]; 2];
         for i in self.segment.lanes.clone() {
             let [of_fine, of_coarse] = &mut spare;
-            let (fine, at) = self.corners::<N, L>(0, i, channel, of_fine);
-            let mut fine_slopes = self.levels[0].along_face(slopes(fine, at));
+            let (fine, fractions) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut fine_slopes = self.levels[0].along_face(slopes(fine, fractions));
             if self.segment.is_free {
-                let (coarse, at_coarse) = self.corners::<N, L>(1, i, channel, of_coarse);
-                let others = self.levels[1].along_face(slopes(coarse, at_coarse));
+                let (coarse, fractions_coarse) = self.corners::<N, L>(1, i, channel, of_coarse);
+                let others = self.levels[1].along_face(slopes(coarse, fractions_coarse));
                 for k in 0..2 {
                     fine_slopes[k] = mix(fine_slopes[k], others[k], self.probes.fractions[i]);
                 }
                 if with_levels {
-                    coarser[i] = from_to(sample(fine, at), sample(coarse, at_coarse));
+                    coarser[i] = from_to(sample(fine, fractions), sample(coarse, fractions_coarse));
                 }
             }
             [right[i], down[i]] = fine_slopes;
@@ -289,7 +289,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
     ) {
         let (mut probes, mut cells) = (Probes::new(), [Cells::new(), Cells::new()]);
         let (mut next, start) = (Probe::first_of(samples.start), samples.start);
-        let (mut found, channels) = ([[T::ZERO; L]; LANES], self.levels[0].channels);
+        let (mut values, channels) = ([[T::ZERO; L]; LANES], self.levels[0].channels);
         let are_sums = self.lookup.filter.probes() > 1;
         if are_sums {
             out.fill(T::ZERO);
@@ -302,19 +302,19 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                 let lanes = part.segment.lanes.clone();
                 lane = lanes.end;
                 for channel in part.groups::<N>() {
-                    part.mix::<N, L>(channel, &mut found);
+                    part.mix::<N, L>(channel, &mut values);
                     // One probe per sample: neighbours in the block are neighbours in `out`.
                     if !are_sums {
-                        let at = (probes.samples[lanes.start] - start) * channels + channel;
-                        let out = out[at..].chunks_mut(channels);
-                        for (out, value) in out.zip(&found[lanes.clone()]) {
+                        let first = (probes.samples[lanes.start] - start) * channels + channel;
+                        let out = out[first..].chunks_mut(channels);
+                        for (out, value) in out.zip(&values[lanes.clone()]) {
                             out[..N].copy_from_slice(&value[..N]);
                         }
                         continue;
                     }
                     for i in lanes.clone() {
-                        let at = (probes.samples[i] - start) * channels + channel;
-                        for (out, value) in out[at..at + N].iter_mut().zip(found[i]) {
+                        let first = (probes.samples[i] - start) * channels + channel;
+                        for (out, value) in out[first..first + N].iter_mut().zip(values[i]) {
                             *out += probes.shares[i] * value;
                         }
                     }
@@ -349,8 +349,8 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                         let bars = &bars[probes.samples[i] * channels + channel..];
                         let bars: &[T; N] = bars.first_chunk().expect("whole groups");
                         let share = probes.shares[i];
-                        moves.at[0][i] += share * dot(&changes[0][i], bars);
-                        moves.at[1][i] += share * dot(&changes[1][i], bars);
+                        moves.positions[0][i] += share * dot(&changes[0][i], bars);
+                        moves.positions[1][i] += share * dot(&changes[1][i], bars);
                         if with_levels && part.segment.is_free {
                             moves.levels[i] += share * dot(&changes[2][i], bars);
                         }

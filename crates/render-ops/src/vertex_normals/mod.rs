@@ -131,8 +131,8 @@ impl VertexNormals {
 
 /// The square of a face's unit of length in units of `factor`, which is no larger than its own.
 #[inline(always)]
-fn share<S: Scalar>(factor: S, own: S) -> S {
-    let ratio = factor / own;
+fn share<S: Scalar>(factor: S, face_factor: S) -> S {
+    let ratio = factor / face_factor;
     ratio * ratio
 }
 

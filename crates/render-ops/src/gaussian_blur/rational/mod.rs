@@ -168,8 +168,8 @@ impl<T: Scalar> pulp::WithSimd for Columns<'_, '_, T> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { blur, image, strip, task, block, out: [out, slopes] } = self;
         let (line, row, width) = (blur.along_columns, blur.row(), PIXELS * blur.channels);
-        for at in (0..width).step_by(LANES) {
-            let start = row.min(strip * width + at);
+        for offset in (0..width).step_by(LANES) {
+            let start = row.min(strip * width + offset);
             let length = LANES.min(row - start);
             if length == 0 {
                 break;
@@ -180,10 +180,10 @@ impl<T: Scalar> pulp::WithSimd for Columns<'_, '_, T> {
             }
             line.solve(block, task);
             for y in 0..blur.height {
-                out[y * width + at..][..LANES].copy_from_slice(&block.lines[y].0);
+                out[y * width + offset..][..LANES].copy_from_slice(&block.lines[y].0);
                 if !slopes.is_empty() {
                     let from = &block.slopes[y].0;
-                    slopes[y * width + at..][..LANES].copy_from_slice(from);
+                    slopes[y * width + offset..][..LANES].copy_from_slice(from);
                 }
             }
         }

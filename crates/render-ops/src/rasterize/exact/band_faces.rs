@@ -58,10 +58,10 @@ pub(super) struct FaceBox<S> {
 }
 
 impl<T: Scalar> BandFaces<'_, '_, T> {
-    /// The X of the centre of the block `at` of a row, of `block` pixels.
+    /// The X of the centre of the block `index` of a row, of `block` pixels.
     #[inline(always)]
-    pub(super) fn center(&self, at: usize, block: usize) -> T::Wide {
-        self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
+    pub(super) fn center(&self, index: usize, block: usize) -> T::Wide {
+        self.view.centers[index * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
     /// Calls `visit` with each face of the band in whose box of pixels a block of `block` pixels of a row is
@@ -77,7 +77,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) {
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
-        for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
+        for (index, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
             let [rows, columns] = self.reach(face);
             let columns = (columns.start / block).max(some_columns.start)
                 ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
@@ -90,7 +90,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             let edges = weights.edges;
             let reach =
                 edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            if !visit(at, FaceBox { rows, columns, edges, reach }) {
+            if !visit(index, FaceBox { rows, columns, edges, reach }) {
                 return;
             }
         }

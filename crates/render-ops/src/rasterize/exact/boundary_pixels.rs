@@ -57,8 +57,8 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         let (mut marks, mut faces_by_pixel) =
             (std::mem::take(&mut self.marks), std::mem::take(&mut self.faces_by_pixel));
-        faces_by_pixel.for_each(band, &mut marks, 1, |place, center, faces| {
-            self.resolve(band, place, center, faces, pieces);
+        faces_by_pixel.for_each(band, &mut marks, 1, |pixel, center, faces| {
+            self.resolve(band, pixel, center, faces, pieces);
         });
         (self.marks, self.faces_by_pixel) = (marks, faces_by_pixel);
     }
@@ -72,7 +72,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         marks.clear(band.rows.len(), view.size.width);
         face_bits.clear();
         planes.clear(band.faces.len());
-        for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
+        for (index, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
             let outline = each_edge(|k| view.is_silhouette(face as usize, k));
             let seams = each_edge(|k| has_seams && view.mesh.is_seam(face as usize, k));
             let along_axis = each_edge(|k| is_along_axis(weights.edges[k]));
@@ -101,7 +101,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             if is_beyond {
                 let [rows, columns] = band.reach(face);
                 for row in rows {
-                    let [depth, x, y] = band.depth(at, view.centers[0], view.ys[row]);
+                    let [depth, x, y] = band.depth(index, view.centers[0], view.ys[row]);
                     // Where depth = +-1 crosses the face's pixels.
                     for end in [-S::ONE, S::ONE] {
                         let near = near_line([depth - end, x, y], columns.clone());
@@ -148,14 +148,15 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         faces_by_pixel.for_each(band, blocks, BLOCK, |[row, block], center, faces| {
             intervals.clear();
             intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, BLOCK)));
-            if !may_cross(intervals, |face| planes.at(band, face, no_outline, center, BLOCK)) {
+            if !may_cross(intervals, |face| planes.in_block(band, face, no_outline, center, BLOCK))
+            {
                 suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
             }
         });
         faces_by_pixel.for_each(band, suspects, 1, |[row, column], center, faces| {
             intervals.clear();
             intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
-            if may_cross(intervals, |face| planes.at(band, face, no_outline, center, 1)) {
+            if may_cross(intervals, |face| planes.in_block(band, face, no_outline, center, 1)) {
                 marks.mark(row, column..column + 1);
             }
         });
@@ -180,9 +181,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
-        let at = |face| planes.at(band, face, face_bits[face as usize], center, 1);
+        let in_pixel = |face| planes.in_block(band, face, face_bits[face as usize], center, 1);
         // All edges lie behind a single layer that fills the pixel.
-        if front_layers(intervals, at) == Some(1) {
+        if front_layers(intervals, in_pixel) == Some(1) {
             return;
         }
         intervals.retain(|interval| !interval.is_out());

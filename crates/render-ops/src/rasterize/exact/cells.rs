@@ -87,8 +87,8 @@ impl<S: Scalar> Crowd<'_, S> {
     /// Gathers those of `faces` that may reach into a cell.
     fn gather(&mut self, cell: &Cell<S>, faces: Range<usize>) -> Range<usize> {
         let first = self.faces.len();
-        for at in faces {
-            let interval = self.faces[at];
+        for index in faces {
+            let interval = self.faces[index];
             let candidate = &self.candidates[interval.face as usize];
             // A face that lies outside of the cell beyond one of its edges does not reach into it.
             let [p, q, r] = candidate.edges.map(|edge| cell.range(edge)[1] < S::ZERO);
@@ -141,9 +141,9 @@ impl<S: Scalar> Crowd<'_, S> {
             return;
         }
         let point = cell.center();
-        let candidate = |at: u32| &self.candidates[at as usize];
+        let candidate = |index: u32| &self.candidates[index as usize];
         let faces = self.faces[faces].iter().map(|interval| interval.face);
-        let covering = faces.filter(|&at| candidate(at).covers(point));
+        let covering = faces.filter(|&index| candidate(index).covers(point));
         let nearest = covering.reduce(|best, other| {
             let lies_behind = value_at(behind(candidate(best), candidate(other)), point) >= S::ZERO;
             if lies_behind { best } else { other }

@@ -21,7 +21,7 @@ pub(super) struct DepthInterval<S> {
 
 /// What a face is in a block of pixels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct At {
+pub(super) struct FaceInBlock {
     /// Whether it covers the block's centre, or may.
     pub(super) covers: bool,
     /// Whether an edge of the surface's outline, or a seam, may cross the block in it.
@@ -50,12 +50,12 @@ pub(super) fn sort_by_depth<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
     // By insertion; no depth is NaN.
     for end in 1..intervals.len() {
         let interval = intervals[end];
-        let mut at = end;
-        while at > 0 && interval.nearest < intervals[at - 1].nearest {
-            intervals[at] = intervals[at - 1];
-            at -= 1;
+        let mut index = end;
+        while index > 0 && interval.nearest < intervals[index - 1].nearest {
+            intervals[index] = intervals[index - 1];
+            index -= 1;
         }
-        intervals[at] = interval;
+        intervals[index] = interval;
     }
 }
 
@@ -71,11 +71,11 @@ fn sort_many<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
 /// Faces of one layer touch, so no gap parts them. Where none of a group's faces ends in the block,
 /// its layers are whole, and each covers the block's centre once: the faces that cover it are
 /// counted. `None` where a face ends, or may reach out of the depth range. What is out of that
-/// range hides nothing. `at` tells what a face is in the block.
+/// range hides nothing. `in_block` tells what a face is in the block.
 #[inline(always)]
 pub(super) fn front_layers<S: Scalar>(
     intervals: &mut [DepthInterval<S>],
-    mut at: impl FnMut(u32) -> At,
+    mut in_block: impl FnMut(u32) -> FaceInBlock,
 ) -> Option<usize> {
     sort_by_depth(intervals);
     let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);
@@ -84,7 +84,7 @@ pub(super) fn front_layers<S: Scalar>(
         if interval.nearest > farthest && layers > 0 {
             break;
         }
-        let At { covers, ends } = at(interval.face);
+        let FaceInBlock { covers, ends } = in_block(interval.face);
         if ends || !interval.is_within() {
             return None;
         }
@@ -109,9 +109,9 @@ pub(super) fn depth_groups<S: Scalar>(
 #[inline(always)]
 pub(super) fn may_cross<S: Scalar>(
     intervals: &mut [DepthInterval<S>],
-    at: impl FnMut(u32) -> At,
+    in_block: impl FnMut(u32) -> FaceInBlock,
 ) -> bool {
-    front_layers(intervals, at).is_none_or(|layers| layers > 1)
+    front_layers(intervals, in_block).is_none_or(|layers| layers > 1)
 }
 
 #[cfg(test)]

@@ -47,8 +47,8 @@ pub(super) struct Extent<S> {
 
 impl<S: Scalar> Extent<S> {
     /// Of what has no size.
-    pub(super) fn from_point(place: [S; 2]) -> Self {
-        Self { centroid: place, spread: [S::ZERO; 3], drift: [S::ZERO; 2], is_raised: false }
+    pub(super) fn from_point(point: [S; 2]) -> Self {
+        Self { centroid: point, spread: [S::ZERO; 3], drift: [S::ZERO; 2], is_raised: false }
     }
 }
 

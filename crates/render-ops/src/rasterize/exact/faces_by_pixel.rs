@@ -74,9 +74,9 @@ impl FacesByPixel {
         faces.resize(pairs.len(), 0);
         // Where the next face of each block goes; in the end, where its last one went.
         for &[number, face] in pairs.iter() {
-            let place = &mut ends[number as usize];
-            faces[*place as usize] = face;
-            *place += 1;
+            let position = &mut ends[number as usize];
+            faces[*position as usize] = face;
+            *position += 1;
         }
         true
     }
@@ -110,17 +110,17 @@ impl FacesByPixel {
                 self.open.extend([middle..some.end, some.start..middle]);
                 continue;
             }
-            for at in some.clone() {
-                let [row, column] = self.blocks[at];
+            for index in some.clone() {
+                let [row, column] = self.blocks[index];
                 let center = [band.center(column, block), band.view.ys[band.rows.start + row]];
-                visit([row, column], center, self.faces_of(at - some.start));
+                visit([row, column], center, self.faces_of(index - some.start));
             }
         }
     }
 
-    /// The faces of block `at` of those that were found, in their order.
-    fn faces_of(&self, at: usize) -> &[u32] {
-        let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.faces[first as usize..self.ends[at] as usize]
+    /// The faces of block `index` of those that were found, in their order.
+    fn faces_of(&self, index: usize) -> &[u32] {
+        let first = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.faces[first as usize..self.ends[index] as usize]
     }
 }

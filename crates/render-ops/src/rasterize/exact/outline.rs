@@ -82,7 +82,7 @@ struct Stretch<S> {
 struct Crossing<S> {
     stretch: u32,
     share: S,
-    place: [S; 2],
+    point: [S; 2],
 }
 
 /// What a surface covers of a pixel.
@@ -126,12 +126,12 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             return false;
         };
         // Without a rim the pixel is what its centre is.
-        let Some((face, place)) = rim else { return true };
+        let Some((face, point)) = rim else { return true };
         pieces.pixels.push(pixel);
         if area > S::from_f64(4.0 * SMALLEST) {
             let Face { band_face, edges, .. } = self.faces[face];
             let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
-            let extent = Extent::from_point(place);
+            let extent = Extent::from_point(point);
             let barycentrics = barycentrics(&edges, corners.map(|corner| corner.factor), &extent);
             pieces.pieces.push(Piece { band_face, area, extent, moves: false, barycentrics });
             if band.view.needs {
@@ -180,9 +180,9 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             self.sheet.iter().map(|face| Face::new(band, face.band_face, face.bits, center)),
         );
         self.stretches.clear();
-        for (at, face) in (0..).zip(&self.faces) {
+        for (index, face) in (0..).zip(&self.faces) {
             let ending = (0..3).filter(|k| face.ends >> k & 1 == 1);
-            self.stretches.extend(ending.filter_map(|k| face.stretch(at, k)));
+            self.stretches.extend(ending.filter_map(|k| face.stretch(index, k)));
         }
         if self.stretches.len() > MOST_STRETCHES {
             return None;
@@ -226,7 +226,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             sheet[first].reached_by = search;
             open.clear();
             open.push(first);
-            while let Some(face) = open.pop().map(|at| sheet[at]) {
+            while let Some(face) = open.pop().map(|index| sheet[index]) {
                 let crossing = crossing(&edges(face));
                 has_border |= crossing & face.bits != 0;
                 if has_border {
@@ -235,13 +235,13 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 for corner in (0..3).filter(|corner| crossing >> corner & 1 == 1) {
                     let neighbor = adjacency.neighbor(face.number as usize, corner);
                     // A face that does not reach into the pixel is none of its faces.
-                    let Some(at) = neighbor.and_then(|other| place_of(sheet, other.face)) else {
+                    let Some(index) = neighbor.and_then(|other| place_of(sheet, other.face)) else {
                         continue;
                     };
-                    match sheet[at].reached_by {
+                    match sheet[index].reached_by {
                         0 => {
-                            sheet[at].reached_by = search;
-                            open.push(at);
+                            sheet[index].reached_by = search;
+                            open.push(index);
                         }
                         // An earlier search of the same sheet has ended at a border.
                         other => has_border |= other != search,
@@ -259,8 +259,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     fn find_crossings(&mut self) {
         let Self { stretches, crossings, .. } = self;
         crossings.clear();
-        for (at, one) in stretches.iter().enumerate() {
-            for (other_at, other) in stretches.iter().enumerate().skip(at + 1) {
+        for (index, one) in stretches.iter().enumerate() {
+            for (other_index, other) in stretches.iter().enumerate().skip(index + 1) {
                 let along = |stretch: &Stretch<S>| {
                     let [p, q] = stretch.ends;
                     [q[0] - p[0], q[1] - p[1]]
@@ -274,12 +274,12 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 let shares = [cross(between, others) / angle, cross(between, direction) / angle];
                 // Of parallel stretches no share is a number within the range.
                 if shares.iter().all(|&share| share > S::ZERO && share < S::ONE) {
-                    let place = [0, 1].map(|axis| one.ends[0][axis] + shares[0] * direction[axis]);
-                    let pair = [at, other_at].into_iter().zip(shares);
-                    crossings.extend(pair.map(|(at, share)| Crossing {
-                        stretch: at as u32,
+                    let point = [0, 1].map(|axis| one.ends[0][axis] + shares[0] * direction[axis]);
+                    let pair = [index, other_index].into_iter().zip(shares);
+                    crossings.extend(pair.map(|(index, share)| Crossing {
+                        stretch: index as u32,
                         share,
-                        place,
+                        point,
                     }));
                 }
             }
@@ -297,11 +297,11 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let (mut area, mut gap) = (S::ZERO, [S::ZERO; 2]);
         let mut rim: Option<(S, usize, [S; 2])> = None;
         let mut crossings = &crossings[..];
-        for (at, stretch) in (0..).zip(&*stretches) {
-            let count = crossings.iter().take_while(|crossing| crossing.stretch == at).count();
+        for (index, stretch) in (0..).zip(&*stretches) {
+            let count = crossings.iter().take_while(|crossing| crossing.stretch == index).count();
             let of_stretch;
             (of_stretch, crossings) = crossings.split_at(count);
-            let places = || of_stretch.iter().map(|crossing| (crossing.place, None));
+            let places = || of_stretch.iter().map(|crossing| (crossing.point, None));
             let [start, end] = [0, 1].map(|k| (stretch.ends[k], stretch.borders[k]));
             let starts = std::iter::once(start).chain(places());
             let ends = places().chain(std::iter::once(end));
@@ -315,8 +315,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 area += middle[0] * (q[1] - p[1]);
                 // A way that closes ends where it began: the sum of all its steps is 0.
                 gap = [gap[0] + q[0] - p[0], gap[1] + q[1] - p[1]];
-                gates.extend(from.map(|place| (place, true)));
-                gates.extend(to.map(|place| (place, false)));
+                gates.extend(from.map(|position| (position, true)));
+                gates.extend(to.map(|position| (position, false)));
                 let length = (q[0] - p[0]).abs() + (q[1] - p[1]).abs();
                 if rim.is_none_or(|(longest, ..)| length > longest) {
                     rim = Some((length, stretch.face as usize, middle));
@@ -336,7 +336,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let closes = add_borders(gates, covers_corner, &mut area, &mut gap)?;
         let most = S::from_f64(GAP);
         let is_whole = closes && gap[0].abs() < most && gap[1].abs() < most;
-        let rim = rim.map(|(_, face, place)| (face, place));
+        let rim = rim.map(|(_, face, point)| (face, point));
         is_whole.then_some(Covered { area, rim })
     }
 }
@@ -358,13 +358,13 @@ fn add_borders<S: Scalar>(
     };
     let mut from = is_open.then_some(S::ZERO);
     let end = (S::from_f64(8.0), true);
-    for &(place, comes_in) in gates.iter().chain(is_open.then_some(&end)) {
+    for &(position, comes_in) in gates.iter().chain(is_open.then_some(&end)) {
         match (from, comes_in) {
             (Some(start), true) => {
-                add_border([start, place], area, gap);
+                add_border([start, position], area, gap);
                 from = None;
             }
-            (None, false) => from = Some(place),
+            (None, false) => from = Some(position),
             _ => return None,
         }
     }
@@ -475,7 +475,7 @@ impl<S: Scalar> Face<S> {
         for axis in 0..2 {
             for sign in [-S::ONE, S::ONE] {
                 // The pixel is where the distance to this side of its border is positive.
-                let [from, to] = [p, q].map(|place| S::ONE - sign * place[axis]);
+                let [from, to] = [p, q].map(|point| S::ONE - sign * point[axis]);
                 if from <= S::ZERO && to <= S::ZERO {
                     return None;
                 }
@@ -499,9 +499,9 @@ impl<S: Scalar> Face<S> {
                 // From the line, not from the share: an end of the edge may be far away, and what is rounded
                 // there must not lead off the line by more than `ROUNDING`.
                 let normal = [x, y];
-                let place = -(one + normal[axis] * sign) / normal[along];
-                let place = place.maximum_or_nan(-S::ONE).minimum_or_nan(S::ONE);
-                ends[end][along] = place;
+                let coordinate = -(one + normal[axis] * sign) / normal[along];
+                let coordinate = coordinate.maximum_or_nan(-S::ONE).minimum_or_nan(S::ONE);
+                ends[end][along] = coordinate;
                 ends[end][axis] = sign;
                 // Sides of the border, counter-clockwise from y = -1.
                 let (first, turns) = match (axis, sign > S::ZERO) {
@@ -510,7 +510,7 @@ impl<S: Scalar> Face<S> {
                     (1, true) => (5.0, -1.0),
                     _ => (7.0, -1.0),
                 };
-                borders[end] = Some(S::from_f64(first) + S::from_f64(turns) * place);
+                borders[end] = Some(S::from_f64(first) + S::from_f64(turns) * coordinate);
             }
         }
         Some(Stretch { face, k: k as u8, ends, borders })

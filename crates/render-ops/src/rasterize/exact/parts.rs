@@ -115,9 +115,9 @@ impl<S: Scalar> Parts<S> {
                 if bound.line == BORDER {
                     continue;
                 }
-                let at = bound.line as usize;
-                let [_, x, y] = self.lines[at];
-                let ((source, is_on_border), is_inside) = (self.sources[at], bound.is_inside);
+                let index = bound.line as usize;
+                let [_, x, y] = self.lines[index];
+                let ((source, is_on_border), is_inside) = (self.sources[index], bound.is_inside);
                 let side = Side { source, is_inside, is_on_border, normal: [x, y], ends };
                 visit(part.candidate, side);
             }

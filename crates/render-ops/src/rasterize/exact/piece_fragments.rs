@@ -48,9 +48,9 @@ impl<T: Scalar> PieceFragments<T> {
         }
         // A counting sort, as in `canvas`: counts become the places where each slot begins.
         let mut before = 0;
-        for (slot, place) in slots.iter_mut().zip(places.iter_mut()) {
+        for (slot, position) in slots.iter_mut().zip(places.iter_mut()) {
             slot.first_run = before;
-            before += std::mem::replace(place, before);
+            before += std::mem::replace(position, before);
         }
         runs.clear();
         runs.resize(count, Run::default());
@@ -65,11 +65,11 @@ impl<T: Scalar> PieceFragments<T> {
                 let slot = slot_of[piece.band_face as usize];
                 let fragment = places[slot as usize];
                 places[slot as usize] += 1;
-                let at = fragment as usize;
-                runs[at] = Run { slot, pixel, length: 1, fragment };
+                let index = fragment as usize;
+                runs[index] = Run { slot, pixel, length: 1, fragment };
                 let [u, v] = piece.barycentrics.map(T::narrow);
-                (barycentrics[2 * at], barycentrics[2 * at + 1]) = (u, v);
-                weights[at] = T::narrow(piece.weight());
+                (barycentrics[2 * index], barycentrics[2 * index + 1]) = (u, v);
+                weights[index] = T::narrow(piece.weight());
                 fragments.push(fragment);
             }
             first = end as usize;

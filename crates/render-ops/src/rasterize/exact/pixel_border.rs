@@ -78,10 +78,10 @@ pub(super) fn clipped<S: Scalar>(ends: [[S; 2]; 2], normal: [S; 2]) -> Option<[[
 /// The halves of a side, each with the place where what has no area beside it is shaded.
 #[inline]
 pub(super) fn halves<S: Scalar>([p, q]: [[S; 2]; 2]) -> [([[S; 2]; 2], [S; 2]); 2] {
-    let at = |share: f64| {
+    let point_at = |share: f64| {
         let share = S::from_f64(share);
         [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]))
     };
-    let middle = at(0.5);
-    [([p, middle], at(1.0 / 6.0)), ([middle, q], at(5.0 / 6.0))]
+    let middle = point_at(0.5);
+    [([p, middle], point_at(1.0 / 6.0)), ([middle, q], point_at(5.0 / 6.0))]
 }

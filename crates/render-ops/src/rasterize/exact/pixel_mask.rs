@@ -66,8 +66,8 @@ impl PixelMask {
     /// Marks, in the place of pixels, the blocks of [`BLOCK`] pixels of a row that are wholly marked in
     /// `pixels`.
     pub(super) fn mark_whole_blocks(&mut self, pixels: &Self) {
-        for (at, &bits) in pixels.words.iter().enumerate().filter(|(_, bits)| **bits != 0) {
-            let (row, word) = (at / pixels.words_per_row, at % pixels.words_per_row);
+        for (index, &bits) in pixels.words.iter().enumerate().filter(|(_, bits)| **bits != 0) {
+            let (row, word) = (index / pixels.words_per_row, index % pixels.words_per_row);
             // The first bit of each block becomes whether all its bits are set.
             let mut whole = bits;
             for shift in [1, 2, 4] {
@@ -148,10 +148,10 @@ impl PixelMask {
         for word in first / BITS..last / BITS + 1 {
             let within = within(word, first, last);
             for row in rows.clone() {
-                let at = row * self.words_per_row + word;
-                let all = self.words[at];
+                let index = row * self.words_per_row + word;
+                let all = self.words[index];
                 if all & within != 0 {
-                    let (first_column, before) = (word * BITS, self.before[at]);
+                    let (first_column, before) = (word * BITS, self.before[index]);
                     visit(row, Marked { first_column, bits: all & within, all, before });
                 }
             }

@@ -3,7 +3,7 @@
 use bokashi_core::Scalar;
 
 use super::band_faces::{BandFaces, FaceBits, REACH, depth, total};
-use super::depth_intervals::{At, DepthInterval};
+use super::depth_intervals::{DepthInterval, FaceInBlock};
 use super::polygon::{Line, value_at};
 use crate::homogeneous::Vertex;
 
@@ -44,18 +44,18 @@ impl<S: Scalar<Wide = S>> Planes<S> {
 
     /// The plane of a face of the band.
     #[inline(always)]
-    fn of<T: Scalar<Wide = S>>(
+    fn plane_of<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
     ) -> &Plane<S> {
-        let at = &mut self.of_band_face[band_face as usize];
-        if *at == NONE {
+        let index = &mut self.of_band_face[band_face as usize];
+        if *index == NONE {
             // Worked out when a pixel asks first.
-            *at = self.planes.len() as u32;
+            *index = self.planes.len() as u32;
             self.planes.push(Plane::new(band, band_face));
         }
-        &self.planes[*at as usize]
+        &self.planes[*index as usize]
     }
 
     /// The depths of a face of the band in a block of `width` pixels of a row.
@@ -73,7 +73,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
             mut error_bound,
             vertex_rounding,
             ..
-        } = *self.of(band, face);
+        } = *self.plane_of(band, face);
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
         // From the centre of the block: `width` units to its left and right ends, and 1 up and down.
@@ -108,15 +108,15 @@ impl<S: Scalar<Wide = S>> Planes<S> {
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
     /// are asked, so it is not worked out along with the depths.
     #[inline(always)]
-    pub(super) fn at<T: Scalar<Wide = S>>(
+    pub(super) fn in_block<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
         bits: FaceBits,
         center: [S; 2],
         width: usize,
-    ) -> At {
-        let bounds = self.of(band, band_face).edge_error_bounds;
+    ) -> FaceInBlock {
+        let bounds = self.plane_of(band, band_face).edge_error_bounds;
         let width = S::from_f64(width as f64);
         let (mut covers, mut ends) = (true, false);
         for (k, &edge) in band.weights[band_face as usize].edges.iter().enumerate() {
@@ -124,7 +124,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
             covers &= value >= -bounds[k];
             ends |= bits >> k & 1 == 1 && value.abs() <= S::from_f64(REACH) * change;
         }
-        At { covers, ends }
+        FaceInBlock { covers, ends }
     }
 }
 

@@ -140,10 +140,10 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
         mut name: impl FnMut(u32) -> u32,
     ) -> Polygon {
-        self.add(others.corners(polygon).map(|at| {
-            let Bound { line, is_inside } = others.bounds[at];
+        self.add(others.corners(polygon).map(|index| {
+            let Bound { line, is_inside } = others.bounds[index];
             let line = if line == BORDER { BORDER } else { name(line) };
-            ([others.xs[at], others.ys[at]], Bound { line, is_inside })
+            ([others.xs[index], others.ys[index]], Bound { line, is_inside })
         }))
     }
 
@@ -270,10 +270,10 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
     ) -> impl Iterator<Item = (Bound, [[S; 2]; 2])> + '_ {
         let Range { start, end } = self.corners(polygon);
-        (start..end).map(move |at| {
-            let next = if at + 1 < end { at + 1 } else { start };
-            let ends = [at, next].map(|at| [self.xs[at], self.ys[at]]);
-            (self.bounds[at], ends)
+        (start..end).map(move |index| {
+            let next = if index + 1 < end { index + 1 } else { start };
+            let ends = [index, next].map(|index| [self.xs[index], self.ys[index]]);
+            (self.bounds[index], ends)
         })
     }
 

@@ -78,25 +78,25 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
         Self { band_face, sign, face, edges, depth }
     }
 
-    /// Adds the gradient of the coefficients, around `place` from the origin, of the edge function
+    /// Adds the gradient of the coefficients, around `offset` from the origin, of the edge function
     /// that faces corner k.
     #[inline(always)]
-    fn add_edge(&mut self, k: usize, [one, x, y]: [S; 3], place: [S; 2]) {
-        // The value at `place` is that at the origin plus `x place_x + y place_y`: so its gradient goes on to
+    fn add_edge(&mut self, k: usize, [one, x, y]: [S; 3], offset: [S; 2]) {
+        // The value at `offset` is that at the origin plus `x offset_x + y offset_y`: so its gradient goes on to
         // the slopes.
         let one = self.sign * one;
         self.edges.ones[k] += one;
-        self.edges.xs[k] += self.sign * x + place[0] * one;
-        self.edges.ys[k] += self.sign * y + place[1] * one;
+        self.edges.xs[k] += self.sign * x + offset[0] * one;
+        self.edges.ys[k] += self.sign * y + offset[1] * one;
     }
 
     /// The same of the depth.
     #[inline(always)]
-    fn add_depth(&mut self, sign: S, [one, x, y]: [S; 3], place: [S; 2]) {
+    fn add_depth(&mut self, sign: S, [one, x, y]: [S; 3], offset: [S; 2]) {
         let one = sign * one;
         self.depth[0] += one;
-        self.depth[1] += sign * x + place[0] * one;
-        self.depth[2] += sign * y + place[1] * one;
+        self.depth[1] += sign * x + offset[0] * one;
+        self.depth[2] += sign * y + offset[1] * one;
     }
 
     /// The gradients of the vertices, `[3, 4]`.
@@ -189,8 +189,8 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
                 let adjoint = self.adjoint(band, piece.band_face, pixel);
-                let place = adjoint.face.offset_of(center);
-                let growth = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
+                let offset = adjoint.face.offset_of(center);
+                let growth = adjoint.add_barycentrics(uv_bar, &piece.extent, offset);
                 of_mean = piece.moves.then_some(growth);
             }
             growths.push(Growth { area: piece.area, area_bar, of_mean });
@@ -205,14 +205,14 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             }
             let mut add_depth = |band_face: u32, sign: S| {
                 let adjoint = self.adjoint(band, band_face, pixel);
-                let place = adjoint.face.offset_of(center);
-                adjoint.add_depth(sign, line_bar, place);
+                let offset = adjoint.face.offset_of(center);
+                adjoint.add_depth(sign, line_bar, offset);
             };
             match source {
                 Source::Edge { band_face, k } => {
                     let adjoint = self.adjoint(band, band_face, pixel);
-                    let place = adjoint.face.offset_of(center);
-                    adjoint.add_edge(k as usize, line_bar, place);
+                    let offset = adjoint.face.offset_of(center);
+                    adjoint.add_edge(k as usize, line_bar, offset);
                 }
                 Source::End { band_face, is_far } => {
                     add_depth(band_face, if is_far { -S::ONE } else { S::ONE });
@@ -236,29 +236,29 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         pixel: usize,
     ) -> &mut Adjoint<S> {
         let Self { adjoints, of_band_face, .. } = self;
-        let at = &mut of_band_face[band_face as usize];
-        if *at == NONE {
-            *at = adjoints.len() as u32;
+        let index = &mut of_band_face[band_face as usize];
+        if *index == NONE {
+            *index = adjoints.len() as u32;
             adjoints.push(Adjoint::new(band, band_face, pixel));
         }
-        &mut adjoints[*at as usize]
+        &mut adjoints[*index as usize]
     }
 }
 
 impl<S: Scalar<Wide = S>> Adjoint<S> {
-    /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `place`, say of the
+    /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `offset`, say of the
     /// edge functions; returns what they say of its sides.
     #[inline(always)]
     fn add_barycentrics(
         &mut self,
         uv_bar: [S; 2],
         extent: &Extent<S>,
-        place: [S; 2],
+        offset: [S; 2],
     ) -> GrowthOfMean<S> {
-        let [x, y] = [0, 1].map(|axis| place[axis] + extent.centroid[axis]);
+        let [x, y] = [0, 1].map(|axis| offset[axis] + extent.centroid[axis]);
         let lines = self.face.coefficients();
         let around =
-            lines.map(|[one, by_x, by_y]| [one + by_x * place[0] + by_y * place[1], by_x, by_y]);
+            lines.map(|[one, by_x, by_y]| [one + by_x * offset[0] + by_y * offset[1], by_x, by_y]);
         let bars = mean::adjoint(&around, self.face.factors, extent, uv_bar);
         for i in 0..3 {
             self.edges.ones[i] += bars.values[i];

@@ -41,15 +41,15 @@ impl Regions {
                 let root = self.runs.len();
                 self.runs.push(FreeRun { row, columns, root });
             });
-            for at in first..self.runs.len() {
-                let Range { start, end } = self.runs[at].columns;
+            for index in first..self.runs.len() {
+                let Range { start, end } = self.runs[index].columns;
                 // The last run that touches this run may touch the next run, too.
                 while above < first && self.runs[above].columns.end <= start {
                     above += 1;
                 }
                 let mut other = above;
                 while other < first && self.runs[other].columns.start < end {
-                    self.join(other, at);
+                    self.join(other, index);
                     other += 1;
                 }
             }
@@ -57,14 +57,14 @@ impl Regions {
         }
     }
 
-    fn root(&mut self, mut at: usize) -> usize {
-        while self.runs[at].root != at {
-            let next = self.runs[at].root;
+    fn root(&mut self, mut index: usize) -> usize {
+        while self.runs[index].root != index {
+            let next = self.runs[index].root;
             // Halves the way for the next time.
-            self.runs[at].root = self.runs[next].root;
-            at = next;
+            self.runs[index].root = self.runs[next].root;
+            index = next;
         }
-        at
+        index
     }
 
     fn join(&mut self, one: usize, other: usize) {
@@ -74,8 +74,8 @@ impl Regions {
 
     /// Marks the first pixel of each region.
     pub(super) fn mark_first(&self, marks: &mut PixelMask) {
-        for (at, run) in self.runs.iter().enumerate() {
-            if run.root == at {
+        for (index, run) in self.runs.iter().enumerate() {
+            if run.root == index {
                 marks.mark(run.row, run.columns.start..run.columns.start + 1);
             }
         }
@@ -87,16 +87,16 @@ impl Regions {
         let mut wanted = std::mem::take(&mut self.wanted);
         wanted.clear();
         let mut regions = layers.iter();
-        for at in 0..self.runs.len() {
-            let root = self.root(at);
-            let is_wanted = if root == at {
+        for index in 0..self.runs.len() {
+            let root = self.root(index);
+            let is_wanted = if root == index {
                 *regions.next().expect("each region has a first pixel") > 1
             } else {
                 wanted[root]
             };
             wanted.push(is_wanted);
             if is_wanted {
-                let FreeRun { row, columns, .. } = self.runs[at].clone();
+                let FreeRun { row, columns, .. } = self.runs[index].clone();
                 marks.mark(row, columns);
             }
         }

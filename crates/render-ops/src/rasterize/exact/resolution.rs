@@ -70,8 +70,8 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         // Sides know candidates; gradients need the pieces, which are sorted.
         piece_of.clear();
         piece_of.resize(candidates.len(), NONE);
-        for (at, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
-            piece_of[candidate as usize] = at;
+        for (piece, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
+            piece_of[candidate as usize] = piece;
             let face = &candidates[candidate as usize];
             let barycentrics = barycentrics(&face.edges, factors(band, face), &extent);
             let band_face = face.band_face;
@@ -207,11 +207,11 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             }
             let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
             let corners = band.view.corners_of(band.faces[*band_face as usize] as usize);
-            for (ends, place) in halves(side.ends) {
+            for (ends, point) in halves(side.ends) {
                 keep(count, Side { ends, ..side });
                 count += 1;
                 let (factors, extent) =
-                    (corners.map(|corner| corner.factor), Extent::from_point(place));
+                    (corners.map(|corner| corner.factor), Extent::from_point(point));
                 let barycentrics = barycentrics(edges, factors, &extent);
                 pieces.pieces.push(Piece {
                     band_face: *band_face,

@@ -45,7 +45,7 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
         return false;
     }
     let mut has_outline = false;
-    for (at, face) in
+    for (index, face) in
         faces.clone().enumerate().filter(|(_, face)| face.neighbors.contains(&NO_FACE))
     {
         for (bound, ends) in polygons.segments(face.polygon) {
@@ -55,7 +55,7 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
                 continue;
             }
             has_outline = true;
-            let mut others = faces.clone().enumerate().filter(|&(other, _)| other != at);
+            let mut others = faces.clone().enumerate().filter(|&(other, _)| other != index);
             let is_beside = |(_, other): (usize, FaceInCell<'_, S>)| {
                 ends_beside(ends, other.edges)
                     || lies_off(face.edges[usize::from(k)], polygons.points(other.polygon))
@@ -142,8 +142,8 @@ pub(super) mod tests {
         let parts: Vec<_> =
             (0..faces.len()).filter_map(|face| Some((face, cut(pixel, face).0?))).collect();
         let mut shared = 0.0;
-        for (at, &(_, part)) in parts.iter().enumerate() {
-            for &(other, _) in &parts[at + 1..] {
+        for (index, &(_, part)) in parts.iter().enumerate() {
+            for &(other, _) in &parts[index + 1..] {
                 shared = f64::max(shared, cut(part, other).1);
             }
         }

@@ -28,8 +28,9 @@ fn tie<S: Scalar>(one: &Candidate<S>, other: &Candidate<S>) -> Option<S> {
 /// Gives candidates that lie in one plane, to within rounding, the same plane. `order` is memory.
 #[inline(always)]
 pub(super) fn share_planes<S: Scalar>(candidates: &mut [Candidate<S>], order: &mut Vec<u32>) {
-    let some_tie = (1..candidates.len())
-        .any(|at| candidates[..at].iter().any(|other| tie(&candidates[at], other).is_some()));
+    let some_tie = (1..candidates.len()).any(|index| {
+        candidates[..index].iter().any(|other| tie(&candidates[index], other).is_some())
+    });
     if some_tie {
         share(candidates, order);
     }
@@ -41,29 +42,29 @@ fn share<S: Scalar>(candidates: &mut [Candidate<S>], order: &mut Vec<u32>) {
     order.clear();
     order.extend(0..candidates.len() as u32);
     order.sort_unstable_by(|&a, &b| {
-        let [a, b] = [a, b].map(|at| &candidates[at as usize]);
+        let [a, b] = [a, b].map(|index| &candidates[index as usize]);
         let by_bound = a.tie_bound.to_f64().total_cmp(&b.tie_bound.to_f64());
         by_bound.then(a.band_face.cmp(&b.band_face))
     });
     // The first so many have planes of their own.
     let mut planes = 0;
     for k in 0..order.len() {
-        let at = order[k] as usize;
-        let ties = order[..planes]
-            .iter()
-            .filter_map(|&plane| Some((tie(&candidates[at], &candidates[plane as usize])?, plane)));
+        let index = order[k] as usize;
+        let ties = order[..planes].iter().filter_map(|&plane| {
+            Some((tie(&candidates[index], &candidates[plane as usize])?, plane))
+        });
         match ties.min_by(|(a, _), (b, _)| a.to_f64().total_cmp(&b.to_f64())) {
             Some((_, plane)) => {
                 let plane = candidates[plane as usize].clone();
-                candidates[at] = Candidate {
+                candidates[index] = Candidate {
                     depth: plane.depth,
                     depth_error_bound: plane.depth_error_bound,
                     tie_bound: plane.tie_bound,
-                    ..candidates[at].clone()
+                    ..candidates[index].clone()
                 };
             }
             None => {
-                order[planes] = at as u32;
+                order[planes] = index as u32;
                 planes += 1;
             }
         }

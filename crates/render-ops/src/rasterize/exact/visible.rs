@@ -154,11 +154,12 @@ impl<S: Scalar> Visible<S> {
         let first = self.whole.len();
         let cell = self.parts.polygons.rectangle(self.cell.low, self.cell.high);
         // All of the group are cut to the cell first, since each is then compared with each.
-        for at in some {
-            self.cut_to_cell(cell, at, &candidates[at as usize]);
+        for index in some {
+            self.cut_to_cell(cell, index, &candidates[index as usize]);
         }
         let are_side_by_side = end_at_edges && self.are_side_by_side(candidates, first);
-        (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, are_side_by_side))
+        (first..self.whole.len())
+            .all(|index| self.find_parts(candidates, index, first, are_side_by_side))
     }
 
     /// Whether the candidates from `first` on surely lie side by side in this cell.
@@ -183,7 +184,7 @@ impl<S: Scalar> Visible<S> {
 
     /// Cuts a candidate to the cell and to the depth range.
     #[inline(always)]
-    fn cut_to_cell(&mut self, cell: Polygon, at: u32, candidate: &Candidate<S>) {
+    fn cut_to_cell(&mut self, cell: Polygon, index: u32, candidate: &Candidate<S>) {
         let Parts { polygons, lines, sources, touches_border, .. } = &mut self.parts;
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let has_depth = size(candidate.depth) < S::from_f64(f64::INFINITY);
@@ -226,15 +227,15 @@ impl<S: Scalar> Visible<S> {
         let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
         // A plane over a convex polygon has its least and its largest depth at corners.
         for point in polygons.points(polygon) {
-            let place = [point[0], point[1], value_at(candidate.depth, point)];
-            least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
-            most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
+            let corner = [point[0], point[1], value_at(candidate.depth, point)];
+            least = std::array::from_fn(|k| least[k].minimum_or_nan(corner[k]));
+            most = std::array::from_fn(|k| most[k].maximum_or_nan(corner[k]));
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
-        self.whole.push(Whole { candidate: at, face, polygon, cuts, least, most, tie_bound });
+        self.whole.push(Whole { candidate: index, face, polygon, cuts, least, most, tie_bound });
     }
 
-    /// Takes from the candidate `at` of this cell what lies behind others; those before `group` surely
+    /// Takes from the candidate `position` of this cell what lies behind others; those before `group` surely
     /// lie before it; returns whether it did so within the limits.
     ///
     /// In one piece: each rival cuts what the last one left, and every way out of the loop ends the candidate.
@@ -242,7 +243,7 @@ impl<S: Scalar> Visible<S> {
     fn find_parts(
         &mut self,
         candidates: &[Candidate<S>],
-        at: usize,
+        position: usize,
         group: usize,
         are_side_by_side: bool,
     ) -> bool {
@@ -258,20 +259,20 @@ impl<S: Scalar> Visible<S> {
         //      |      3       |
         //      +--------------+
         left.clear();
-        left.push(whole[at].polygon);
-        let (candidate, mut boxes) = (whole[at].candidate, 0);
+        left.push(whole[position].polygon);
+        let (candidate, mut boxes) = (whole[position].candidate, 0);
         let neighbors = candidates[candidate as usize].neighbors;
         // Side by side no face of the group hides another, but those of earlier groups still may.
         let rivals = if are_side_by_side { group } else { whole.len() };
         for other in 0..rivals {
             boxes += 1;
             let is_before = other < group;
-            let [this, that] = [&whole[at], &whole[other]];
+            let [this, that] = [&whole[position], &whole[other]];
             // A neighbour's function of the edge between them is exactly the opposite of this one's.
             let hides_nothing = that.is_beside(this)
                 || !is_before && that.is_behind(this)
                 || neighbors.contains(&that.face);
-            if other == at || hides_nothing {
+            if other == position || hides_nothing {
                 continue;
             }
             *cuts += left.len();
