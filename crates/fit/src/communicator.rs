@@ -53,7 +53,7 @@ pub trait Communicator<T>: Debug + Send + Sync {
     fn broadcast_bytes(&self, bytes: &mut Vec<u8>, from: usize);
 
     /// What each rank says, by rank; each may say as much as it likes.
-    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
+    fn gather(&self, message: &[u8]) -> Vec<Vec<u8>>;
 
     /// Returns when all ranks have called it.
     fn barrier(&self) {
@@ -82,8 +82,8 @@ impl<T> Communicator<T> for Alone {
 
     fn broadcast_bytes(&self, _bytes: &mut Vec<u8>, _from: usize) {}
 
-    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
-        vec![own.to_vec()]
+    fn gather(&self, message: &[u8]) -> Vec<Vec<u8>> {
+        vec![message.to_vec()]
     }
 }
 
@@ -98,13 +98,13 @@ pub type Ranks<T> = Arc<dyn Communicator<T>>;
 pub fn block(count: usize, rank: usize, size: usize) -> Range<usize> {
     let bound = |rank: usize| {
         // Indices are far below 2^64 / size.
-        let (even, room) = (rank * count / size, count / size / 16);
+        let (even, slack) = (rank * count / size, count / size / 16);
         if rank == size {
             return count;
         }
-        let rounded = |bit: u32| (even + room) >> bit << bit;
+        let rounded = |bit: u32| (even + slack) >> bit << bit;
         let bits = (0..usize::BITS - 1).rev();
-        bits.map(rounded).find(|&bound| bound + room >= even).unwrap_or(even)
+        bits.map(rounded).find(|&bound| bound + slack >= even).unwrap_or(even)
     };
     bound(rank)..bound(rank + 1)
 }
@@ -116,25 +116,25 @@ pub fn block(count: usize, rank: usize, size: usize) -> Range<usize> {
 /// This rank's own error where it is the first that has one; [`FitError::Elsewhere`] where another is.
 pub fn agree<T, E: From<FitError> + ToString>(
     ranks: &dyn Communicator<T>,
-    own: Result<Vec<u8>, E>,
+    result: Result<Vec<u8>, E>,
 ) -> Result<Vec<Vec<u8>>, E> {
     if ranks.size() == 1 {
-        return Ok(vec![own?]);
+        return Ok(vec![result?]);
     }
-    let message = match &own {
+    let message = match &result {
         Ok(bytes) => [&[0], &**bytes].concat(),
         Err(error) => [&[1], error.to_string().as_bytes()].concat(),
     };
     let mut all = ranks.gather(&message);
-    if let Some(rank) = all.iter().position(|said| said.first() != Some(&0)) {
+    if let Some(rank) = all.iter().position(|message| message.first() != Some(&0)) {
         if rank == ranks.rank() {
-            own?;
+            result?;
         }
         let message = all[rank].get(1..).unwrap_or_default();
         let message = String::from_utf8_lossy(message).into_owned();
         return Err(FitError::Elsewhere { rank, message }.into());
     }
-    all.iter_mut().for_each(|said| *said = said.split_off(1));
+    all.iter_mut().for_each(|message| *message = message.split_off(1));
     Ok(all)
 }
 
@@ -144,13 +144,13 @@ pub fn agree<T, E: From<FitError> + ToString>(
 /// As [`agree`].
 pub fn agreed<T, R, E: From<FitError> + ToString>(
     ranks: &dyn Communicator<T>,
-    own: Result<R, E>,
+    result: Result<R, E>,
 ) -> Result<R, E> {
-    let (said, made) = match own {
+    let (outcome, made) = match result {
         Ok(made) => (Ok(Vec::new()), Some(made)),
         Err(error) => (Err(error), None),
     };
-    agree(ranks, said)?;
+    agree(ranks, outcome)?;
     made.ok_or_else(|| unreachable!("a rank that failed said so"))
 }
 
@@ -168,7 +168,7 @@ pub fn check_same<T: Scalar>(
         return Ok(());
     }
     let all = ranks.gather(&fingerprint(parameters).to_le_bytes());
-    match all.iter().position(|own| *own != all[0]) {
+    match all.iter().position(|print| *print != all[0]) {
         Some(rank) => Err(FitError::Apart { step, rank }),
         None => Ok(()),
     }
@@ -179,7 +179,7 @@ pub fn check_same<T: Scalar>(
 ///
 /// # Errors
 /// [`FitError::Unlike`], on all ranks, with the first rank that differs from rank 0, and in what.
-pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), FitError> {
+pub fn check_alike<T>(ranks: &dyn Communicator<T>, given: &Given) -> Result<(), FitError> {
     if ranks.size() == 1 {
         return Ok(());
     }
@@ -189,14 +189,18 @@ pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), Fi
         let words = bytes.split(|&byte| byte == 0);
         words.map(|word| String::from_utf8_lossy(word).into_owned()).collect()
     };
-    let words: Vec<_> = own.iter().flat_map(|(name, value)| [&**name, &**value]).collect();
+    let words: Vec<_> = given.iter().flat_map(|(name, value)| [&**name, &**value]).collect();
     let mut first = joined(&words);
     ranks.broadcast_bytes(&mut first, 0);
     let first = parts(&first);
     let first = first.chunks_exact(2).map(|pair| (pair[0].clone(), pair[1].clone())).collect();
-    let found = differences(own, &first);
-    let message = found.first().map_or(Vec::new(), |found| {
-        joined(&[&found.name, described(found.this.as_ref()), described(found.other.as_ref())])
+    let differing = differences(given, &first);
+    let message = differing.first().map_or(Vec::new(), |differing| {
+        joined(&[
+            &differing.name,
+            described(differing.this.as_ref()),
+            described(differing.other.as_ref()),
+        ])
     });
     let all = ranks.gather(&message);
     let Some(rank) = all.iter().position(|message| !message.is_empty()) else { return Ok(()) };
@@ -207,13 +211,13 @@ pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), Fi
 
 /// 64 bits of all raw numbers and moments.
 fn fingerprint<T: Scalar>(parameters: &Parameters<T>) -> u64 {
-    let of = |hash: u64, numbers: &[T]| {
+    let mix_numbers = |hash: u64, numbers: &[T]| {
         let words = numbers.iter().map(|number| number.to_f64().to_bits());
         words.fold(mixed(hash ^ numbers.len() as u64), |hash, word| mixed(hash ^ word))
     };
-    parameters.list.iter().fold(0, |hash, own| {
-        let all = [own.raw.data(), &own.first, &own.second, &own.greatest];
-        all.into_iter().fold(hash, of)
+    parameters.list.iter().fold(0, |hash, parameter| {
+        let all = [parameter.raw.data(), &parameter.first, &parameter.second, &parameter.greatest];
+        all.into_iter().fold(hash, mix_numbers)
     })
 }
 

@@ -48,14 +48,14 @@ pub struct History<M> {
 const MOST_RESERVED: u64 = 1 << 20;
 
 impl<M> History<M> {
-    /// An empty history, a [`Listener`](crate::Listener), with room for the states before and after each of
+    /// An empty history, a [`Listener`](crate::Listener), with capacity for the states before and after each of
     /// `steps` updates.
     pub fn with_room_for(steps: u64) -> Self {
-        let room = steps.min(MOST_RESERVED) as usize + 1;
+        let capacity = steps.min(MOST_RESERVED) as usize + 1;
         Self {
-            steps: Vec::with_capacity(room),
-            step_ms: Vec::with_capacity(room),
-            preparation_ms: Vec::with_capacity(room),
+            steps: Vec::with_capacity(capacity),
+            step_ms: Vec::with_capacity(capacity),
+            preparation_ms: Vec::with_capacity(capacity),
             vanished: Vec::new(),
             stop: Stop::Steps,
         }

@@ -32,14 +32,14 @@ where
             let (office, work) = (Arc::clone(&office), &work);
             scope.spawn(move || {
                 let leaves = Leaves(&office);
-                let own = work(Arc::new(Rank { rank, size, office: Arc::clone(&office) }));
+                let result = work(Arc::new(Rank { rank, size, office: Arc::clone(&office) }));
                 std::mem::forget(leaves);
-                own
+                result
             })
         };
         let threads: Vec<_> = (0..size).map(start).collect();
         let ended: Vec<_> = threads.into_iter().map(|thread| thread.join()).collect();
-        ended.into_iter().map(|own| own.expect("a rank panicked")).collect()
+        ended.into_iter().map(|result| result.expect("a rank panicked")).collect()
     })
 }
 
@@ -121,8 +121,8 @@ impl<T> Rank<T> {
     }
 
     fn others(&self) -> impl Iterator<Item = usize> + use<T> {
-        let own = self.rank;
-        (0..self.size).filter(move |&rank| rank != own)
+        let this = self.rank;
+        (0..self.size).filter(move |&rank| rank != this)
     }
 }
 
@@ -162,9 +162,10 @@ impl<T: Copy + Send + 'static> Communicator<T> for Rank<T> {
         }
     }
 
-    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
-        self.others().for_each(|to| self.put(Message::Bytes(own.to_vec()), to));
-        let of = |from| if from == self.rank { own.to_vec() } else { self.take_bytes(from) };
-        (0..self.size).map(of).collect()
+    fn gather(&self, message: &[u8]) -> Vec<Vec<u8>> {
+        self.others().for_each(|to| self.put(Message::Bytes(message.to_vec()), to));
+        let message_of =
+            |from| if from == self.rank { message.to_vec() } else { self.take_bytes(from) };
+        (0..self.size).map(message_of).collect()
     }
 }

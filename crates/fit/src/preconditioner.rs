@@ -259,8 +259,8 @@ impl Factor {
         };
         // C y = b from the top: once x_j is known, all rows below take their share of it off.
         for j in 0..count {
-            let (own, below) = column(j);
-            let known = x[j].map(|x| x / own);
+            let (diagonal, below) = column(j);
+            let known = x[j].map(|x| x / diagonal);
             x[j] = known;
             for (row, value) in below {
                 x[row].iter_mut().zip(known).for_each(|(x, known)| *x -= value * known);
@@ -268,12 +268,12 @@ impl Factor {
         }
         // C' x = y from the bottom: all that row j needs from below is known.
         for j in (0..count).rev() {
-            let (own, below) = column(j);
+            let (diagonal, below) = column(j);
             let mut sum = x[j];
             for (row, value) in below {
                 sum.iter_mut().zip(x[row]).for_each(|(sum, x)| *sum -= value * x);
             }
-            x[j] = sum.map(|sum| sum / own);
+            x[j] = sum.map(|sum| sum / diagonal);
         }
     }
 
@@ -359,11 +359,11 @@ impl Preconditioner {
         // u_i = v_i + lambda sum_j (v_i - v_j) over the neighbours j of i
         let entry = |k: usize| {
             let (vertex, column) = (k / inner, k % inner);
-            let own = v.data()[k].widen();
+            let value = v.data()[k].widen();
             let around = self.0.topology.neighbors(vertex).iter();
             let apart =
-                around.map(|&other| own - v.data()[other as usize * inner + column].widen());
-            T::narrow(own + lambda * apart.sum())
+                around.map(|&other| value - v.data()[other as usize * inner + column].widen());
+            T::narrow(value + lambda * apart.sum())
         };
         Ok(Tensor::from_flat_fn(v.shape(), entry))
     }

@@ -107,8 +107,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Adds up the sums of all ranks: `own` are those of this one, of the parts `bounds[rank]..bounds[rank + 1]`.
-/// `shapes` are those of the inputs, or nothing for an input that needs no gradient.
+/// Adds up the sums of all ranks: `sums_of_rank` are those of this one, of the parts
+/// `bounds[rank]..bounds[rank + 1]`. `shapes` are those of the inputs, or nothing for an input that needs no
+/// gradient.
 ///
 /// # Errors
 /// As [`agree`]: that of the first rank whose parts were refused.
@@ -116,15 +117,15 @@ pub(crate) fn reduced<T: Scalar>(
     ranks: &dyn Communicator<T>,
     bounds: &[usize],
     shapes: &[Option<Shape>],
-    own: Result<Vec<PartialSum<T>>, FitError>,
+    sums_of_rank: Result<Vec<PartialSum<T>>, FitError>,
 ) -> Result<Reduced<T>, FitError> {
-    let mut own = own;
-    let head = own.as_mut().map(|sums| head(sums)).map_err(|error| error.clone());
+    let mut sums_of_rank = sums_of_rank;
+    let head = sums_of_rank.as_mut().map(|sums| head(sums)).map_err(|error| error.clone());
     let heads = agree(ranks, head)?;
-    let own = own?;
+    let sums_of_rank = sums_of_rank?;
     let plans = [false, true].map(|is_second| Plan::new(bounds, is_second));
-    let mut sums = Sums::new(ranks, &plans[0].owners, shapes, own, &heads);
-    let said: usize = heads.iter().map(|head| head.len() + 1).sum();
+    let mut sums = Sums::new(ranks, &plans[0].owners, shapes, sums_of_rank, &heads);
+    let bytes_of_heads: usize = heads.iter().map(|head| head.len() + 1).sum();
     let mut numbers = 0;
     for (input, shape) in shapes.iter().enumerate() {
         let Some(shape) = shape else { continue };
@@ -138,7 +139,7 @@ pub(crate) fn reduced<T: Scalar>(
         sums.values[keep] += give;
     }
     let others = ranks.size() as u64 - 1;
-    let bytes = said as u64 * others + numbers * size_of::<T>() as u64;
+    let bytes = bytes_of_heads as u64 * others + numbers * size_of::<T>() as u64;
     Ok(Reduced { sum: PartialSum::new(sums.values[*root], gradients), bytes })
 }
 
@@ -149,23 +150,23 @@ pub(crate) fn reduced<T: Scalar>(
 /// None of its own.
 pub fn sum_over_ranks<T: Scalar>(
     ranks: &dyn Communicator<T>,
-    own: Tensor<T>,
+    tensor: Tensor<T>,
 ) -> Result<Tensor<T>, FitError> {
-    let shape = own.shape().clone();
+    let shape = tensor.shape().clone();
     let bounds: Vec<_> = (0..=ranks.size()).collect();
-    let own = vec![PartialSum::new(T::ZERO.widen(), vec![Some(own)])];
-    let Reduced { mut sum, .. } = reduced(ranks, &bounds, &[Some(shape.clone())], Ok(own))?;
+    let sums = vec![PartialSum::new(T::ZERO.widen(), vec![Some(tensor)])];
+    let Reduced { mut sum, .. } = reduced(ranks, &bounds, &[Some(shape.clone())], Ok(sums))?;
     Ok(sum.gradients.pop().flatten().unwrap_or_else(|| Tensor::zeros(shape)))
 }
 
 /// What all ranks have to know of sums: values, and which inputs have a gradient.
 fn head<T: Scalar>(sums: &[PartialSum<T>]) -> Vec<u8> {
-    let of = |sum: &PartialSum<T>| {
+    let bytes_of = |sum: &PartialSum<T>| {
         let mut bytes = sum.value.to_f64().to_le_bytes().to_vec();
         bytes.extend(sum.gradients.iter().map(|gradient| u8::from(gradient.is_some())));
         bytes
     };
-    sums.iter().flat_map(of).collect()
+    sums.iter().flat_map(bytes_of).collect()
 }
 
 /// All sums, of which each rank has the gradients of its own.
@@ -184,12 +185,12 @@ impl<'a, T: Scalar> Sums<'a, T> {
         ranks: &'a dyn Communicator<T>,
         owners: &'a [usize],
         shapes: &[Option<Shape>],
-        own: Vec<PartialSum<T>>,
+        sums_of_rank: Vec<PartialSum<T>>,
         heads: &[Vec<u8>],
     ) -> Self {
         let inputs = shapes.len();
         let mut heads: Vec<_> = heads.iter().map(|head| head.chunks(8 + inputs)).collect();
-        let mut own = own.into_iter();
+        let mut sums_of_rank = sums_of_rank.into_iter();
         let mut sums =
             Self { ranks, owners, values: Vec::new(), is_used: Vec::new(), gradients: Vec::new() };
         for &owner in owners {
@@ -197,7 +198,7 @@ impl<'a, T: Scalar> Sums<'a, T> {
             let value = head.first_chunk().map_or(f64::NAN, |&bytes| f64::from_le_bytes(bytes));
             sums.values.push(T::Wide::from_f64(value));
             sums.is_used.push(head.iter().skip(8).map(|&byte| byte == 1).collect());
-            let of_this = (owner == ranks.rank()).then(|| own.next()).flatten();
+            let of_this = (owner == ranks.rank()).then(|| sums_of_rank.next()).flatten();
             sums.gradients.push(of_this.map_or_else(|| vec![None; inputs], |sum| sum.gradients));
         }
         sums
@@ -206,7 +207,7 @@ impl<'a, T: Scalar> Sums<'a, T> {
     /// Makes the gradient of the first plan's root that of the whole, on all ranks, for one input; returns
     /// how many numbers were sent. Each plan adds a half of the numbers.
     fn add_input(&mut self, input: usize, shape: &Shape, plans: &[Plan<'_>; 2]) -> u64 {
-        if !self.is_used.iter().any(|of| of[input]) {
+        if !self.is_used.iter().any(|uses| uses[input]) {
             return 0;
         }
         let size = shape.size();
@@ -214,25 +215,25 @@ impl<'a, T: Scalar> Sums<'a, T> {
         let halves = [0..half, half..size];
         let steps = plans.each_ref().map(|plan| self.steps(input, &plan.additions));
         // What is received, or added to nothing, needs a place.
-        let own = self.ranks.rank();
+        let rank = self.ranks.rank();
         for (steps, half) in steps.iter().zip(&halves) {
             for step in steps.iter().flatten().filter(|step| step.is_first && !half.is_empty()) {
-                if self.owners[step.keep] == own {
+                if self.owners[step.keep] == rank {
                     self.gradients[step.keep][input].get_or_insert_with(|| Tensor::zeros(shape));
                 }
             }
         }
         let mut sent = 0;
         let mut buffer = vec![T::ZERO; PIECE.min(size)];
-        for at in (0..size - size / 2).step_by(PIECE) {
+        for offset in (0..size - size / 2).step_by(PIECE) {
             let pieces = halves.each_ref().map(|half| {
-                let start = (half.start + at).min(half.end);
+                let start = (half.start + offset).min(half.end);
                 start..(start + PIECE).min(half.end)
             });
             for (first, second) in steps[0].iter().zip(&steps[1]) {
                 let [first, second] =
                     [(first, &pieces[0]), (second, &pieces[1])].map(|(step, piece)| {
-                        step.filter(|_| !piece.is_empty()).map(|own| (own, piece))
+                        step.filter(|_| !piece.is_empty()).map(|step| (step, piece))
                     });
                 sent += self.add_at_node(input, first, second, &mut buffer);
             }
@@ -243,14 +244,14 @@ impl<'a, T: Scalar> Sums<'a, T> {
 
     /// By addition: what it does to one input, where there is something to add.
     fn steps(&self, input: usize, additions: &[Addition]) -> Vec<Option<Step>> {
-        let mut is_used: Vec<_> = self.is_used.iter().map(|of| of[input]).collect();
-        let of = |&Addition { keep, give }: &Addition| {
+        let mut is_used: Vec<_> = self.is_used.iter().map(|uses| uses[input]).collect();
+        let step_of = |&Addition { keep, give }: &Addition| {
             is_used[give].then(|| {
                 let is_first = !std::mem::replace(&mut is_used[keep], true);
                 Step { keep, give, is_first }
             })
         };
-        additions.iter().map(of).collect()
+        additions.iter().map(step_of).collect()
     }
 
     /// Adds pieces of both halves at one node; returns how many numbers were sent.
@@ -261,26 +262,26 @@ impl<'a, T: Scalar> Sums<'a, T> {
         second: Option<(Step, &Range<usize>)>,
         buffer: &mut [T],
     ) -> u64 {
-        let own = self.ranks.rank();
+        let rank = self.ranks.rank();
         if let (Some((one, of_one)), Some((other, of_other))) = (first, second)
             && let ([from, to], [back, forth]) = (self.way(one), self.way(other))
             && from != to
             && [from, to] == [forth, back]
         {
             // Each gives the other what that one keeps.
-            let ways = if own == to {
+            let ways = if rank == to {
                 Some(((one, of_one), (other, of_other), from))
-            } else if own == from {
+            } else if rank == from {
                 Some(((other, of_other), (one, of_one), to))
             } else {
                 None
             };
-            if let Some(((kept, at), (given, given_at), rank)) = ways {
-                let buffer = &mut buffer[..at.len()];
+            if let Some(((kept, piece), (given, given_piece), partner)) = ways {
+                let buffer = &mut buffer[..piece.len()];
                 if let Some(given) = &self.gradients[given.give][input] {
-                    self.ranks.exchange(&given.data()[given_at.clone()], buffer, rank);
+                    self.ranks.exchange(&given.data()[given_piece.clone()], buffer, partner);
                 }
-                self.keep(input, kept, at, buffer);
+                self.keep(input, kept, piece, buffer);
             }
             return (of_one.len() + of_other.len()) as u64;
         }
@@ -291,15 +292,15 @@ impl<'a, T: Scalar> Sums<'a, T> {
             if to != from {
                 sent += piece.len() as u64;
             }
-            if from == own {
+            if from == rank {
                 let Some(given) = &self.gradients[step.give][input] else { continue };
                 let given = &given.data()[piece.clone()];
-                if to != own {
+                if to != rank {
                     self.ranks.send(given, to);
                     continue;
                 }
                 buffer.copy_from_slice(given);
-            } else if to == own {
+            } else if to == rank {
                 self.ranks.receive(buffer, from);
             } else {
                 continue;
@@ -329,10 +330,10 @@ impl<'a, T: Scalar> Sums<'a, T> {
     /// Gives all ranks the whole: the first `half` of its numbers from the one root, the rest from the other.
     fn spread(&mut self, input: usize, shape: &Shape, roots: [usize; 2], half: usize) {
         let [first, second] = roots;
-        let own = self.ranks.rank();
+        let rank = self.ranks.rank();
         let ranks = roots.map(|root| self.owners[root]);
-        let mut whole = self.gradients[first][input].take().filter(|_| own == ranks[0]);
-        if own == ranks[1] && first != second && half < shape.size() {
+        let mut whole = self.gradients[first][input].take().filter(|_| rank == ranks[0]);
+        if rank == ranks[1] && first != second && half < shape.size() {
             let rest = self.gradients[second][input].take();
             match (&mut whole, rest) {
                 (Some(whole), Some(rest)) => {
@@ -345,7 +346,7 @@ impl<'a, T: Scalar> Sums<'a, T> {
         let (front, back) = whole.data_mut().split_at_mut(half);
         // Of two ranks, each has what the other lacks.
         if self.ranks.size() == 2 && ranks[0] != ranks[1] && !back.is_empty() {
-            match own == ranks[0] {
+            match rank == ranks[0] {
                 true => self.ranks.exchange(front, back, ranks[1]),
                 false => self.ranks.exchange(back, front, ranks[0]),
             }

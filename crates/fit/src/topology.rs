@@ -53,9 +53,9 @@ impl Lists {
         let mut next = starts.clone();
         let mut sorted = vec![0; starts[count]];
         for (list, entry) in entries {
-            let at = &mut next[list as usize];
-            sorted[*at] = entry;
-            *at += 1;
+            let position = &mut next[list as usize];
+            sorted[*position] = entry;
+            *position += 1;
         }
         Self { starts, entries: sorted }
     }
@@ -114,7 +114,8 @@ impl Topology {
         let neighbors = Lists::new(vertex_count, both);
         let corners = faces.iter().flatten().copied().zip(0..);
         let corners = Lists::new(vertex_count, corners);
-        let of_faces = pairs.iter().zip(0..).flat_map(|(pair, at)| pair.faces.map(|f| (f, at)));
+        let of_faces =
+            pairs.iter().zip(0..).flat_map(|(pair, index)| pair.faces.map(|f| (f, index)));
         let pairs_of_faces = Lists::new(faces.len(), of_faces);
         let faces = faces.to_vec();
         Ok(Self(Arc::new(Inner {
@@ -208,9 +209,9 @@ impl Topology {
     ) -> Result<SparseMatrix<T>, TensorError> {
         let weights = self.cotangent_weights(positions)?;
         let places = |vertex: usize| self.places(vertex);
-        let weight = |place: usize| T::from_f64(-weights[place]);
+        let weight = |entry: usize| T::from_f64(-weights[entry]);
         let total = |vertex| T::from_f64(weights[places(vertex)].iter().sum());
-        Ok(self.laplacian(|_, place| weight(place), total))
+        Ok(self.laplacian(|_, entry| weight(entry), total))
     }
 
     /// The cotangent weights of all neighbours, vertex by vertex ([`Topology::places`]).
@@ -240,8 +241,8 @@ impl Topology {
                 let (face, k) = (corner as usize / 3, corner as usize % 3);
                 for (other, facing) in [((k + 1) % 3, (k + 2) % 3), ((k + 2) % 3, (k + 1) % 3)] {
                     // A face that names a vertex twice has no area, and no part in it.
-                    if let Ok(at) = neighbors.binary_search(&self.faces()[face][other]) {
-                        weights[first + at] += 0.5 * cotangents[face][facing];
+                    if let Ok(index) = neighbors.binary_search(&self.faces()[face][other]) {
+                        weights[first + index] += 0.5 * cotangents[face][facing];
                     }
                 }
             }
@@ -250,19 +251,19 @@ impl Topology {
         Ok(weights)
     }
 
-    /// The matrix of `off(vertex, place)` for each neighbour and of `own(vertex)` on the diagonal.
+    /// The matrix of `off(vertex, entry)` for each neighbour and of `diagonal(vertex)` on the diagonal.
     fn laplacian<T: Scalar>(
         &self,
         off: impl Fn(usize, usize) -> T,
-        own: impl Fn(usize) -> T,
+        diagonal: impl Fn(usize) -> T,
     ) -> SparseMatrix<T> {
         let count = self.vertex_count();
         let (mut triplets, neighbors) = (Vec::new(), &self.0.neighbors);
         for vertex in 0..count {
             let row = vertex as u32;
-            triplets.push((row, row, own(vertex)));
-            for place in self.places(vertex) {
-                triplets.push((row, neighbors.entries[place], off(vertex, place)));
+            triplets.push((row, row, diagonal(vertex)));
+            for entry in self.places(vertex) {
+                triplets.push((row, neighbors.entries[entry], off(vertex, entry)));
             }
         }
         SparseMatrix::new(count, count, triplets).expect("all neighbours are vertices")

@@ -237,17 +237,17 @@ where
                 // Of each rank, the first of its views that the step has.
                 let size = ranks.size();
                 let first = |rank| {
-                    let own = block(this.count, rank, size);
-                    this.chosen.partition_point(|&view| view < own.start)
+                    let views = block(this.count, rank, size);
+                    this.chosen.partition_point(|&view| view < views.start)
                 };
                 let bounds: Vec<_> = (0..size).map(first).chain([count]).collect();
-                let own = bounds[ranks.rank()]..bounds[ranks.rank() + 1];
-                let own = tape.partial_sums(count, own, &inputs, |k, tape, inputs| {
+                let parts = bounds[ranks.rank()]..bounds[ranks.rank() + 1];
+                let sums = tape.partial_sums(count, parts, &inputs, |k, tape, inputs| {
                     this.view_loss(k, tape, names, inputs)
                 });
                 let shape = |x: &Var<'t, T>| x.needs_gradient().then(|| x.shape());
                 let shapes: Vec<_> = inputs.iter().map(shape).collect();
-                let Reduced { sum, bytes } = reduced(&**ranks, &bounds, &shapes, own)?;
+                let Reduced { sum, bytes } = reduced(&**ranks, &bounds, &shapes, sums)?;
                 (tape.sum_of(&inputs, sum)?, bytes)
             }
         };

@@ -145,9 +145,9 @@ pub fn drive<S: Steps>(
 ) -> Result<Stop, S::Error> {
     let start = Instant::now();
     let is_first = fit.ranks().rank() == 0;
-    let called = listeners.iter_mut().filter(|own| is_first || own.is_shared());
+    let called = listeners.iter_mut().filter(|listener| is_first || listener.is_shared());
     let mut listeners: Vec<_> = called.collect();
-    let mut answer = ask_all(&mut listeners, |own| own.begin(fit));
+    let mut answer = ask_all(&mut listeners, |listener| listener.begin(fit));
     let stop = loop {
         let is_time_up = rules.seconds.is_some_and(|most| start.elapsed().as_secs_f64() >= most)
             || fit.steps_done() > 0 && fit.is_time_up();
@@ -158,23 +158,24 @@ pub fn drive<S: Steps>(
             break stop;
         }
         let mut failed = None;
-        let stepped =
-            fit.step(&mut |state| match ask_all(&mut listeners, |own| own.before_update(state)) {
-                Ok(flow) => flow.map_break(|()| Stop::Callback),
-                Err(error) => {
-                    failed = Some(error);
-                    ControlFlow::Break(Stop::Callback)
-                }
-            })?;
+        let stepped = fit.step(&mut |state| match ask_all(&mut listeners, |listener| {
+            listener.before_update(state)
+        }) {
+            Ok(flow) => flow.map_break(|()| Stop::Callback),
+            Err(error) => {
+                failed = Some(error);
+                ControlFlow::Break(Stop::Callback)
+            }
+        })?;
         match (failed, stepped) {
             (Some(error), _) => return Err(error),
             (None, ControlFlow::Break(stop)) => break stop,
             (None, ControlFlow::Continue(stepped)) => {
-                answer = ask_all(&mut listeners, |own| own.after_step(fit, &stepped));
+                answer = ask_all(&mut listeners, |listener| listener.after_step(fit, &stepped));
             }
         }
     };
-    let ended = listeners.iter_mut().try_for_each(|own| own.end(fit, stop));
+    let ended = listeners.iter_mut().try_for_each(|listener| listener.end(fit, stop));
     agreed(fit.ranks(), ended).map(|()| stop)
 }
 
@@ -184,8 +185,8 @@ fn ask_all<S: Steps, L: Listener<S> + ?Sized, E>(
     mut ask: impl FnMut(&mut L) -> Answer<E>,
 ) -> Answer<E> {
     let mut flow = ControlFlow::Continue(());
-    for own in listeners {
-        if ask(own)?.is_break() {
+    for listener in listeners {
+        if ask(listener)?.is_break() {
             flow = ControlFlow::Break(());
         }
     }
@@ -201,16 +202,16 @@ fn agreed_call<T, E: From<FitError> + ToString>(
 ) -> Result<Option<Stop>, E> {
     // Numbers of signals are small.
     let signal = rules.interrupt.and_then(|signal| signal()).map_or(0, i32::unsigned_abs) as u8;
-    let own = answer.map(|flow| [signal, flow.is_break().into(), is_time_up.into()]);
+    let answer_bytes = answer.map(|flow| [signal, flow.is_break().into(), is_time_up.into()]);
     let (signal, of_first) = if ranks.size() == 1 {
         // Nothing is allocated for one rank.
-        let own = own?;
-        (own[0], own)
+        let answer_bytes = answer_bytes?;
+        (answer_bytes[0], answer_bytes)
     } else {
-        let all = agree(ranks, own.map(Vec::from))?;
-        let signals = all.iter().filter_map(|own| own.first().copied());
+        let all = agree(ranks, answer_bytes.map(Vec::from))?;
+        let signals = all.iter().filter_map(|bytes| bytes.first().copied());
         let signal = signals.into_iter().find(|&signal| signal != 0).unwrap_or(0);
-        let of_first = all.first().and_then(|own| own.first_chunk());
+        let of_first = all.first().and_then(|bytes| bytes.first_chunk());
         (signal, of_first.copied().unwrap_or_default())
     };
     Ok(match of_first {

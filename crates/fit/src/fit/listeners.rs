@@ -23,9 +23,13 @@ impl<S: Steps<Measure: Clone>> Listener<S> for History<S::Measure> {
         self.step_ms.push(stepped.ms);
         if stepped.vanished > 0 {
             let all = fit.parameters().iter().enumerate();
-            self.vanished.extend(all.filter(|(_, own)| own.vanished() > 0).map(|(index, own)| {
-                Vanished { step: stepped.step, parameter: index, entries: own.vanished() }
-            }));
+            self.vanished.extend(all.filter(|(_, parameter)| parameter.vanished() > 0).map(
+                |(index, parameter)| Vanished {
+                    step: stepped.step,
+                    parameter: index,
+                    entries: parameter.vanished(),
+                },
+            ));
         }
         Ok(ControlFlow::Continue(()))
     }

@@ -324,9 +324,9 @@ impl<T: Scalar, P: Pipeline<T>> Steps for Fitting<'_, T, P> {
         let saved = std::mem::take(&mut fit.pipeline);
         let observe = |pipeline: &P, parameters: &Parameters<T>, loss: f64| {
             let seconds = start.elapsed().as_secs_f64();
-            let seen = Step { step, seconds, loss, measure: pipeline.measure(parameters) };
+            let measured = Step { step, seconds, loss, measure: pipeline.measure(parameters) };
             let state = StepState {
-                step: &seen,
+                step: &measured,
                 parameters,
                 ms: *ms,
                 preparation_ms,

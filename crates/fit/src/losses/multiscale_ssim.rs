@@ -33,10 +33,10 @@ fn power<T: Scalar>(mean: Var<'_, T>, weight: f64) -> Result<Var<'_, T>, TensorE
 
 /// The exponents of so many levels.
 fn weights(levels: usize) -> Vec<f64> {
-    let own = &WEIGHTS[..levels];
+    let chosen = &WEIGHTS[..levels];
     // All five are what others' programs have: as printed, and not divided by their sum.
-    let total = if levels == WEIGHTS.len() { 1.0 } else { own.iter().sum() };
-    own.iter().map(|weight| weight / total).collect()
+    let total = if levels == WEIGHTS.len() { 1.0 } else { chosen.iter().sum() };
+    chosen.iter().map(|weight| weight / total).collect()
 }
 
 /// How many levels images of `extent` pixels along their shorter side allow.

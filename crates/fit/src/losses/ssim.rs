@@ -102,8 +102,8 @@ impl Layout {
 /// The weights of a window along an axis.
 fn weights<S: Scalar>() -> [S; WINDOW] {
     let weight = |k: usize| {
-        let at = k as f64 - (WINDOW / 2) as f64;
-        (-at * at / (2.0 * SIGMA * SIGMA)).exp()
+        let distance = k as f64 - (WINDOW / 2) as f64;
+        (-distance * distance / (2.0 * SIGMA * SIGMA)).exp()
     };
     let total: f64 = (0..WINDOW).map(weight).sum();
     from_fn(|k| S::from_f64(weight(k) / total))
@@ -168,10 +168,10 @@ fn along_rows<S: Scalar, const N: usize, const L: usize>(
     k: usize,
     w: &[S; WINDOW],
 ) -> [[S; L]; N] {
-    from_fn(|of| {
+    from_fn(|n| {
         let mut sums = [S::ZERO; L];
         for (t, &w) in w.iter().enumerate() {
-            let row = &rows[of][k + t * channels..][..L];
+            let row = &rows[n][k + t * channels..][..L];
             for j in 0..L {
                 sums[j] += w * row[j];
             }
@@ -251,12 +251,12 @@ impl Ssim {
         K.map(|k| S::from_f64((k * self.peak) * (k * self.peak)))
     }
 
-    /// The gradient of image `own` of both.
+    /// The gradient of image `number` of both.
     fn pull_back<T: Scalar>(
         &self,
         layout: Layout,
         images: [&[T]; 2],
-        own: usize,
+        number: usize,
         saved: &mut Saved<T, T::Wide>,
         factor: T::Wide,
         (bar, fresh): (&mut [T], bool),
@@ -267,10 +267,10 @@ impl Ssim {
         let per_piece = layout.image_rows_per_piece();
         let window_piece = layout.rows_per_piece();
         let Saved { pieces, sums, offsets } = saved;
-        let [own_offset, other_offset] = [offsets[own], offsets[1 - own]];
+        let [own_offset, other_offset] = [offsets[number], offsets[1 - number]];
         let pieces = &*pieces;
         sums.resize_with(height.div_ceil(per_piece), Default::default);
-        let [own_image, other] = [images[own], images[1 - own]];
+        let [own_image, other] = [images[number], images[1 - number]];
         let two = T::Wide::from_f64(2.0);
         for_each_two_pieces_mut(bar, sums, [per_piece * row, 1], |piece, bar, sums| {
             let sums = &mut sums[0];
@@ -279,14 +279,14 @@ impl Ssim {
                 sums.clear();
                 sums.resize(window_row + 2 * margin, T::Wide::ZERO);
             }
-            for (at, bar) in bar.chunks_mut(row).enumerate() {
-                let q = piece * per_piece + at;
-                let seen = q.saturating_sub(BEYOND)..(q + 1).min(window_rows);
-                for (sums, of) in sums.iter_mut().zip([own, 2, 3]) {
+            for (row_in_piece, bar) in bar.chunks_mut(row).enumerate() {
+                let q = piece * per_piece + row_in_piece;
+                let window_rows_here = q.saturating_sub(BEYOND)..(q + 1).min(window_rows);
+                for (sums, list) in sums.iter_mut().zip([number, 2, 3]) {
                     let sums = &mut sums[margin..][..window_row];
                     sums.fill(T::Wide::ZERO);
-                    for r in seen.clone() {
-                        let slopes = &pieces[r / window_piece].slopes[of];
+                    for r in window_rows_here.clone() {
+                        let slopes = &pieces[r / window_piece].slopes[list];
                         let slopes = &slopes[r % window_piece * window_row..][..window_row];
                         let w = w[q - r];
                         sums.iter_mut().zip(slopes).for_each(|(sum, s)| *sum += w * s.widen());
@@ -346,29 +346,29 @@ impl<T: Scalar> Op<T> for Ssim {
             for (slopes, keeps) in slopes.iter_mut().zip(keeps) {
                 slopes.resize(if keeps { rows.len() * window_row } else { 0 }, T::ZERO);
             }
-            for (at, r) in rows.enumerate() {
+            for (row_in_piece, r) in rows.enumerate() {
                 let images = images.map(|image| &image[r * layout.row..]);
                 fill_moments(moments, images, layout.row, w, offsets);
                 // Row by row: a sum of few terms has a small error.
                 let mut of_row = T::Wide::ZERO;
                 let mut put = |k: usize, moments: [T::Wide; 5]| {
-                    let (s, found) = self.similarity(moments, constants, offsets);
+                    let (s, all_slopes) = self.similarity(moments, constants, offsets);
                     of_row += T::Wide::ONE - s;
-                    for ((slopes, keeps), slope) in slopes.iter_mut().zip(keeps).zip(found) {
+                    for ((slopes, keeps), slope) in slopes.iter_mut().zip(keeps).zip(all_slopes) {
                         if keeps {
-                            slopes[at * window_row + k] = T::narrow(slope);
+                            slopes[row_in_piece * window_row + k] = T::narrow(slope);
                         }
                     }
                 };
                 let mut k = 0;
                 while k + AT_ONCE <= window_row {
-                    let found = along_rows::<_, 5, AT_ONCE>(moments, layout.channels, k, w);
-                    (0..AT_ONCE).for_each(|j| put(k + j, found.map(|found| found[j])));
+                    let means = along_rows::<_, 5, AT_ONCE>(moments, layout.channels, k, w);
+                    (0..AT_ONCE).for_each(|j| put(k + j, means.map(|means| means[j])));
                     k += AT_ONCE;
                 }
                 for k in k..window_row {
-                    let found = along_rows::<_, 5, 1>(moments, layout.channels, k, w);
-                    put(k, found.map(|[found]| found));
+                    let means = along_rows::<_, 5, 1>(moments, layout.channels, k, w);
+                    put(k, means.map(|[means]| means));
                 }
                 *total += of_row;
             }
@@ -395,18 +395,18 @@ impl<T: Scalar> Op<T> for Ssim {
         let [rows, row] = layout.windows;
         let factor = kept.only_upstream()[0].widen() / T::Wide::from_f64((rows * row) as f64);
         let images = [kept.input(0), kept.input(1)];
-        for own in 0..2 {
-            if let Some(bar) = gradients.get(own) {
-                self.pull_back(layout, images, own, saved, factor, bar.entries_or_fresh());
+        for number in 0..2 {
+            if let Some(bar) = gradients.get(number) {
+                self.pull_back(layout, images, number, saved, factor, bar.entries_or_fresh());
             }
         }
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        let of = |piece: &Piece<T, T::Wide>| -> usize {
+        let bytes = |piece: &Piece<T, T::Wide>| -> usize {
             piece.slopes.iter().map(|slopes| size_of_val(slopes.as_slice())).sum()
         };
-        saved.pieces.iter().map(of).sum()
+        saved.pieces.iter().map(bytes).sum()
     }
 }
 

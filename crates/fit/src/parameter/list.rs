@@ -123,9 +123,9 @@ impl<T: Scalar> Parameters<T> {
     /// [`FitError::UnknownParameter`]; [`FitError::Setting`] for a rate that is negative or not
     /// finite.
     pub fn set_rate(&mut self, name: &str, rate: f64) -> Result<(), FitError> {
-        let at = position(&self.names, name)?;
+        let index = position(&self.names, name)?;
         check_rate(name, rate)?;
-        self.list[at].rate = rate;
+        self.list[index].rate = rate;
         Ok(())
     }
 

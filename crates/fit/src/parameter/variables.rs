@@ -83,6 +83,6 @@ impl<'t, T: Scalar> std::ops::Index<usize> for Variables<'t, T> {
 
 /// Where in `names` the name is.
 pub(super) fn position(names: &[String], name: &str) -> Result<usize, FitError> {
-    let found = names.iter().position(|known| known == name);
-    found.ok_or_else(|| FitError::UnknownParameter { name: name.into(), known: names.to_vec() })
+    let index = names.iter().position(|known| known == name);
+    index.ok_or_else(|| FitError::UnknownParameter { name: name.into(), known: names.to_vec() })
 }

@@ -74,10 +74,10 @@ impl<T: Scalar> Op<T> for EdgeLength {
         let factor = two * self.share::<T::Wide>() * kept.only_upstream()[0].widen();
         let target = T::Wide::from_f64(self.target);
         add_by_vertex(bar, |vertex| {
-            let own = position(positions, vertex as u32);
+            let point = position(positions, vertex as u32);
             let mut total = [T::Wide::ZERO; 3];
             for &other in self.topology.neighbors(vertex) {
-                let edge = minus(own, position(positions, other));
+                let edge = minus(point, position(positions, other));
                 let square = dot(edge, edge);
                 let pull = if self.target == 0.0 {
                     T::Wide::ONE

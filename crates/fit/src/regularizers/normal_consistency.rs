@@ -89,7 +89,7 @@ impl NormalConsistency {
 }
 
 /// `normal` as the other face of a pair sees it.
-fn seen<S: Scalar>(pair: FacePair, normal: Vector<S>) -> Vector<S> {
+fn oriented<S: Scalar>(pair: FacePair, normal: Vector<S>) -> Vector<S> {
     if pair.is_oriented { normal } else { normal.map(|x| -x) }
 }
 
@@ -119,7 +119,7 @@ impl<T: Scalar> Op<T> for NormalConsistency {
             if f.area == T::Wide::ZERO || g.area == T::Wide::ZERO {
                 return T::Wide::ZERO;
             }
-            let apart = minus(f.normal, seen(pairs[k], g.normal));
+            let apart = minus(f.normal, oriented(pairs[k], g.normal));
             T::Wide::from_f64(0.5) * dot(apart, apart)
         });
         outputs.push([])[0] = T::narrow(self.share::<T::Wide>() * total);
@@ -143,7 +143,7 @@ impl<T: Scalar> Op<T> for NormalConsistency {
                 let pair = pairs[pair as usize];
                 let [f, g] = pair.faces;
                 let other = if f as usize == face { g } else { f };
-                total = plus(total, seen(pair, facets[other as usize].normal));
+                total = plus(total, oriented(pair, facets[other as usize].normal));
             }
             facets[face].pull_back(total.map(|x| factor * x))
         });

@@ -75,10 +75,10 @@ impl Rigidity {
             rest.data().as_chunks::<3>().0.iter().map(|row| row.map(Scalar::to_f64)).collect();
         let vertices = 0..topology.vertex_count();
         let edges = vertices.flat_map(|vertex| {
-            let own = rows[vertex];
-            topology.neighbors(vertex).iter().map(move |&other| (own, other))
+            let point = rows[vertex];
+            topology.neighbors(vertex).iter().map(move |&other| (point, other))
         });
-        let edges = edges.map(|(own, other)| minus(own, rows[other as usize]));
+        let edges = edges.map(|(point, other)| minus(point, rows[other as usize]));
         let rest = edges.zip(of_places).collect();
         Ok(Self(Arc::new(Inner { topology: topology.clone(), rest })))
     }
@@ -144,8 +144,8 @@ impl<T: Scalar> Op<T> for Rigidity {
         let positions = inputs.data(0);
         let zero = T::Wide::ZERO;
         let cell = |vertex: usize| {
-            let own = position(positions, vertex as u32);
-            let edge = |other| minus(own, position(positions, other));
+            let point = position(positions, vertex as u32);
+            let edge = |other| minus(point, position(positions, other));
             let around = self.around::<T::Wide>(vertex);
             let mut moments = [[zero; 3]; 3];
             for (other, rest, weight) in around.clone() {
@@ -186,10 +186,10 @@ impl<T: Scalar> Op<T> for Rigidity {
         let two = T::Wide::from_f64(2.0);
         let factor = two * self.share::<T::Wide>() * kept.only_upstream()[0].widen();
         add_by_vertex(bar, |vertex| {
-            let own = position(positions, vertex as u32);
+            let point = position(positions, vertex as u32);
             let mut total = [T::Wide::ZERO; 3];
             for (other, rest, weight) in self.around::<T::Wide>(vertex) {
-                let edge = minus(own, position(positions, other));
+                let edge = minus(point, position(positions, other));
                 let here = minus(edge, turned(&cells[vertex].rotation, rest));
                 let there = minus(edge, turned(&cells[other as usize].rotation, rest));
                 total = plus(total, plus(here, there).map(|x| weight * x));

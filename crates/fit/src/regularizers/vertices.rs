@@ -28,8 +28,8 @@ pub(super) fn check<T: Scalar>(
 /// The position of a vertex.
 #[inline(always)]
 pub(super) fn position<T: Scalar>(positions: &[T], vertex: u32) -> Vector<T::Wide> {
-    let at = 3 * vertex as usize;
-    [positions[at], positions[at + 1], positions[at + 2]].map(Scalar::widen)
+    let start = 3 * vertex as usize;
+    [positions[start], positions[start + 1], positions[start + 2]].map(Scalar::widen)
 }
 
 #[inline(always)]

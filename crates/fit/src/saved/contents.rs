@@ -136,10 +136,10 @@ impl Contents {
     ) -> Result<LoopState<'a>, FitError> {
         check_updates([self.step, self.updates].into_iter())?;
         if self.least_loss_step > self.step {
-            let (of, step) = (self.least_loss_step, self.step);
+            let (least_step, step) = (self.least_loss_step, self.step);
             let least = self.least_loss.unwrap_or(f64::INFINITY);
-            let found = format!("{least} of step {of} of {step}");
-            return Err(FitError::saved("a least loss of a step that was done", found));
+            let given = format!("{least} of step {least_step} of {step}");
+            return Err(FitError::saved("a least loss of a step that was done", given));
         }
         let Settings { steps, optimizer, schedule, loss_below, patience, gradient_below } =
             &self.settings;

@@ -347,13 +347,14 @@ impl<'a> Opened<'a> {
         };
         let mut moments = [const { Vec::new() }; 3];
         for (kind, moments) in MOMENTS.into_iter().zip(&mut moments) {
-            let of = format!("{kind}/{name}");
-            let Some(found) = self.tensor::<T>(&of)? else { continue };
-            if found.shape() != numbers.shape() {
-                let rule = format!("the shape {:?} of {raw:?} for {of:?}", numbers.shape());
-                return Err(FitError::saved(rule, format!("{:?}", found.shape())));
+            let tensor_name = format!("{kind}/{name}");
+            let Some(tensor) = self.tensor::<T>(&tensor_name)? else { continue };
+            if tensor.shape() != numbers.shape() {
+                let rule =
+                    format!("the shape {:?} of {raw:?} for {tensor_name:?}", numbers.shape());
+                return Err(FitError::saved(rule, format!("{:?}", tensor.shape())));
             }
-            *moments = found.data().to_vec();
+            *moments = tensor.data().to_vec();
         }
         let [first, second, greatest] = moments;
         let squares = second.iter().chain(&greatest);
@@ -391,16 +392,16 @@ fn preconditioner(
     saved: Option<String>,
     given: &[(&str, &Preconditioner)],
 ) -> Result<Option<Preconditioner>, FitError> {
-    let given = given.iter().find(|(of, _)| *of == name).map(|(_, given)| *given);
-    let found = given.map(fingerprint);
-    if saved == found {
+    let given = given.iter().find(|(given_name, _)| *given_name == name).map(|(_, given)| *given);
+    let present = given.map(fingerprint);
+    if saved == present {
         return Ok(given.cloned());
     }
-    let said = |print: Option<String>| match print {
+    let described = |print: Option<String>| match print {
         Some(print) => format!("{name:?} with the preconditioner of {print}"),
         None => format!("{name:?} without a preconditioner"),
     };
-    Err(FitError::saved(said(saved), said(found)))
+    Err(FitError::saved(described(saved), described(present)))
 }
 
 /// The precision that the fit in `file` computes with, and its pipeline's state.
