@@ -10,7 +10,7 @@ use crate::failure::{Broken, Failure, Law};
 use crate::laws;
 use crate::mutation::{Kills, kills};
 use crate::run::caught;
-use crate::shrink::{Found, shrink};
+use crate::shrink::{Counterexample, shrink};
 use crate::subject::{AnySubject, Case, Input, Refusal, Subject};
 use crate::trial::{Tally, Trial, Unfit};
 
@@ -199,7 +199,7 @@ impl Check {
             }
             Err(panic) => Broken::from_message(format!("it panicked: {panic}")),
         };
-        Err(self.smallest(law, Found { case, upstream: Vec::new(), broken }))
+        Err(self.smallest(law, Counterexample { case, upstream: Vec::new(), broken }))
     }
 
     /// Checks one law on one case.
@@ -210,13 +210,13 @@ impl Check {
             Err(panic) => Broken::from_message(format!("it panicked: {panic}")),
         };
         let (case, upstream) = (trial.case.clone(), trial.upstream.clone());
-        Err(self.smallest(law, Found { case, upstream, broken }))
+        Err(self.smallest(law, Counterexample { case, upstream, broken }))
     }
 
     /// A failure made as small as can be.
-    fn smallest(&self, law: Law, found: Found) -> Box<Failure> {
-        let found = shrink(law, found);
-        self.failure(law, found.broken.clone(), described(&found))
+    fn smallest(&self, law: Law, counterexample: Counterexample) -> Box<Failure> {
+        let counterexample = shrink(law, counterexample);
+        self.failure(law, counterexample.broken.clone(), described(&counterexample))
     }
 
     fn failure(&self, law: Law, broken: Broken, inputs: String) -> Box<Failure> {
@@ -257,20 +257,20 @@ struct Refused {
 }
 
 fn add(tallies: &mut Vec<(Law, Tally)>, law: Law, tally: Tally) {
-    match tallies.iter_mut().find(|(found, _)| *found == law) {
+    match tallies.iter_mut().find(|(known, _)| *known == law) {
         Some((_, sum)) => sum.add(tally),
         None => tallies.push((law, tally)),
     }
 }
 
 /// The inputs of a failure, as text.
-fn described(found: &Found) -> String {
-    let mut text = format!("with {:?}", found.case.subject);
-    for (i, input) in found.case.inputs.iter().enumerate() {
+fn described(counterexample: &Counterexample) -> String {
+    let mut text = format!("with {:?}", counterexample.case.subject);
+    for (i, input) in counterexample.case.inputs.iter().enumerate() {
         let constant = if input.differentiable { "" } else { ", a constant" };
         text.push_str(&format!("\n     in{i} = {:?}{constant}", input.tensor));
     }
-    for (j, upstream) in found.upstream.iter().enumerate() {
+    for (j, upstream) in counterexample.upstream.iter().enumerate() {
         text.push_str(&format!("\n     u{j} = {upstream:?}"));
     }
     text
@@ -312,7 +312,7 @@ pub struct CheckReport {
 impl CheckReport {
     /// What one law compared and left out.
     pub fn tally(&self, law: Law) -> Tally {
-        let tally = self.tallies.iter().find(|(found, _)| *found == law);
+        let tally = self.tallies.iter().find(|(known, _)| *known == law);
         tally.map(|&(_, tally)| tally).unwrap_or_default()
     }
 }

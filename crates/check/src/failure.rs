@@ -146,13 +146,13 @@ impl std::error::Error for Failure {}
 
 /// `out[3,1]`: entry `k` of a tensor of `shape`, in its own coordinates.
 pub(crate) fn entry(tensor: &str, shape: &Shape, mut k: usize) -> String {
-    let mut at = Vec::new();
+    let mut indices = Vec::new();
     for &extent in shape.iter().rev() {
-        at.push((k % extent).to_string());
+        indices.push((k % extent).to_string());
         k /= extent;
     }
-    at.reverse();
-    if at.is_empty() { tensor.to_owned() } else { format!("{tensor}[{}]", at.join(",")) }
+    indices.reverse();
+    if indices.is_empty() { tensor.to_owned() } else { format!("{tensor}[{}]", indices.join(",")) }
 }
 
 /// The name of what a gradient differentiates: the only output entry with an upstream gradient,

@@ -46,8 +46,8 @@ impl Mutation {
             Self::Transposed => Some(match *shape {
                 [.., rows, columns] if rows > 1 && columns > 1 => {
                     let from = |k: usize| {
-                        let (matrix, at) = (k / (rows * columns), k % (rows * columns));
-                        matrix * rows * columns + at % rows * columns + at / rows
+                        let (matrix, entry) = (k / (rows * columns), k % (rows * columns));
+                        matrix * rows * columns + entry % rows * columns + entry / rows
                     };
                     (0..gradient.len()).map(|k| gradient[from(k)]).collect()
                 }

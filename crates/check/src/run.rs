@@ -25,11 +25,11 @@ pub(crate) fn point<T: Scalar>(inputs: &[Input]) -> Point<T> {
 }
 
 /// Puts a point on `tape`.
-pub(crate) fn place<'t, T: Scalar>(tape: &'t Tape<T>, point: &Point<T>) -> Vec<Var<'t, T>> {
-    let place = |(tensor, needs): &(Tensor<T>, bool)| {
+pub(crate) fn record<'t, T: Scalar>(tape: &'t Tape<T>, point: &Point<T>) -> Vec<Var<'t, T>> {
+    let record_one = |(tensor, needs): &(Tensor<T>, bool)| {
         if *needs { tape.leaf(tensor) } else { tape.constant(tensor) }
     };
-    point.iter().map(place).collect()
+    point.iter().map(record_one).collect()
 }
 
 /// The outputs and the discrete state at `point`, without gradients.
@@ -51,7 +51,7 @@ pub(crate) fn step<T: Number>(
     point: &Point<T>,
     upstream: &[Option<Tensor<T>>],
 ) -> Result<Run<T>, Refusal> {
-    let inputs = place(tape, point);
+    let inputs = record(tape, point);
     let outcome = T::apply(subject, tape, &inputs)?;
     let outputs: Vec<_> = outcome.outputs.iter().map(|y| y.value()).collect();
     let seeds: Vec<_> = outcome

@@ -39,24 +39,24 @@ fn panicked(panic: &str) -> Broken {
 
 /// A failure and what leads to it.
 #[derive(Debug, Clone)]
-pub(crate) struct Found {
+pub(crate) struct Counterexample {
     pub(crate) case: Case,
     pub(crate) upstream: Vec<Tensor<f64>>,
     pub(crate) broken: Broken,
 }
 
-/// Makes `found` smaller for as long as it still breaks `law`.
-pub(crate) fn shrink(law: Law, found: Found) -> Found {
-    let mut search = Search { law, found, trials: 0 };
+/// Makes `counterexample` smaller for as long as it still breaks `law`.
+pub(crate) fn shrink(law: Law, counterexample: Counterexample) -> Counterexample {
+    let mut search = Search { law, counterexample, trials: 0 };
     while search.shorten() {}
     search.single_out();
     search.simplify();
-    search.found
+    search.counterexample
 }
 
 struct Search {
     law: Law,
-    found: Found,
+    counterexample: Counterexample,
     trials: usize,
 }
 
@@ -70,14 +70,14 @@ impl Search {
         let Some((broken, upstream)) = breaks(self.law, &case, upstream) else {
             return false;
         };
-        self.found = Found { case, upstream, broken };
+        self.counterexample = Counterexample { case, upstream, broken };
         true
     }
 
     /// Cuts every axis of one extent to fewer entries, in all inputs at once, since axes of one
     /// extent often belong together; or in one input alone.
     fn shorten(&mut self) -> bool {
-        let inputs = self.found.case.inputs.clone();
+        let inputs = self.counterexample.case.inputs.clone();
         let mut extents: Vec<usize> =
             inputs.iter().flat_map(|input| input.tensor.shape().iter().copied()).collect();
         extents.sort_unstable_by(|a, b| b.cmp(a));
@@ -102,8 +102,8 @@ impl Search {
                         Input { tensor, ..*input }
                     };
                     let inputs: Vec<_> = inputs.iter().enumerate().map(cut).collect();
-                    let case = Case { inputs, ..self.found.case.clone() };
-                    if case.inputs != self.found.case.inputs && self.accept(case, None) {
+                    let case = Case { inputs, ..self.counterexample.case.clone() };
+                    if case.inputs != self.counterexample.case.inputs && self.accept(case, None) {
                         return true;
                     }
                 }
@@ -115,38 +115,38 @@ impl Search {
     /// Leaves one entry of the upstream gradients, by halves.
     fn single_out(&mut self) {
         loop {
-            let all: Vec<(usize, usize)> = entries(&self.found.upstream);
+            let all: Vec<(usize, usize)> = entries(&self.counterexample.upstream);
             if all.len() < 2 {
                 break;
             }
             let (low, high) = all.split_at(all.len() / 2);
-            let halves = [low, high].map(|kept| masked(&self.found.upstream, kept));
-            let case = self.found.case.clone();
+            let halves = [low, high].map(|kept| masked(&self.counterexample.upstream, kept));
+            let case = self.counterexample.case.clone();
             if !halves.into_iter().any(|half| self.accept(case.clone(), Some(half))) {
                 break;
             }
         }
-        let mut upstream = self.found.upstream.clone();
+        let mut upstream = self.counterexample.upstream.clone();
         if let [(j, k)] = entries(&upstream)[..] {
             upstream[j].data_mut()[k] = 1.0;
-            self.accept(self.found.case.clone(), Some(upstream));
+            self.accept(self.counterexample.case.clone(), Some(upstream));
         }
     }
 
     /// Tries simpler numbers for every entry.
     fn simplify(&mut self) {
-        for i in 0..self.found.case.inputs.len() {
-            for k in 0..self.found.case.inputs[i].tensor.size() {
-                let x = self.found.case.inputs[i].tensor.data()[k];
+        for i in 0..self.counterexample.case.inputs.len() {
+            for k in 0..self.counterexample.case.inputs[i].tensor.size() {
+                let x = self.counterexample.case.inputs[i].tensor.data()[k];
                 let rounded = |unit: f64| (x / unit).round() * unit;
                 let simpler = [0.0, 1.0, rounded(1.0), rounded(0.5), rounded(0.125)];
                 for simple in simpler {
                     if simple.to_bits() == x.to_bits() || (simple == 0.0 && x == 0.0) {
                         break;
                     }
-                    let mut case = self.found.case.clone();
+                    let mut case = self.counterexample.case.clone();
                     case.inputs[i].tensor.data_mut()[k] = simple;
-                    if self.accept(case, Some(self.found.upstream.clone())) {
+                    if self.accept(case, Some(self.counterexample.upstream.clone())) {
                         break;
                     }
                 }
@@ -179,13 +179,13 @@ fn shortened(tensor: &Tensor<f64>, extent: usize, new: usize) -> Tensor<f64> {
     let axes: Vec<usize> = shape.iter().map(|&n| if n == extent { new } else { n }).collect();
     let cut = Shape::from(&axes[..]);
     Tensor::from_flat_fn(&cut, |mut k| {
-        let (mut at, mut stride) = (0, 1);
+        let (mut entry, mut stride) = (0, 1);
         for (&new, &old) in axes.iter().zip(shape.iter()).rev() {
-            at += k % new * stride;
+            entry += k % new * stride;
             stride *= old;
             k /= new;
         }
-        tensor.data()[at]
+        tensor.data()[entry]
     })
 }
 

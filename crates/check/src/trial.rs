@@ -132,9 +132,9 @@ impl Tally {
         match crate::run::first_difference(got, expected) {
             None => Ok(()),
             Some(k) => {
-                let place = crate::failure::entry("", got.shape(), k);
+                let entry_name = crate::failure::entry("", got.shape(), k);
                 let (got, expected) = (got.data()[k].to_f64(), expected.data()[k].to_f64());
-                Err(Broken::numbers(format!("{}{place}", what()), got, expected, 0.0))
+                Err(Broken::numbers(format!("{}{entry_name}", what()), got, expected, 0.0))
             }
         }
     }

@@ -3,7 +3,7 @@
 use bokashi_core::{Tape, Tensor};
 
 use crate::failure::{Broken, entry};
-use crate::run::{largest, noise, place, run, step};
+use crate::run::{largest, noise, record, run, step};
 use crate::trial::{ROUNDINGS, Tally, Trial};
 
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
@@ -25,8 +25,8 @@ fn compare_sums(
     let bound = (ROUNDINGS + got.size() as f64) * f64::EPSILON * size;
     for (k, &got_entry) in got.data().iter().enumerate() {
         let expected = terms[0].data()[k] + terms[1].data()[k];
-        let place = || format!("{what}{}", entry("", got.shape(), k));
-        tally.compare((got_entry, expected), bound, place)?;
+        let entry_name = || format!("{what}{}", entry("", got.shape(), k));
+        tally.compare((got_entry, expected), bound, entry_name)?;
     }
     Ok(())
 }
@@ -36,7 +36,7 @@ fn compare_sums(
 fn begun_sums(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let tape = Tape::new();
-    let inputs = place(&tape, &trial.point);
+    let inputs = record(&tape, &trial.point);
     let outcome = trial.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
     let begun: Vec<_> = trial.gradients().map(|(i, gradient)| (i, noise(gradient, 401))).collect();
     let mut seeds: Vec<_> = outcome.outputs.iter().copied().zip(&trial.upstream).collect();
@@ -54,8 +54,8 @@ fn begun_sums(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
 /// the same value get.
 fn one_variable_as_two_inputs(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let inputs: Vec<usize> = trial.gradients().map(|(i, _)| i).collect();
-    for (at, &i) in inputs.iter().enumerate() {
-        for &k in &inputs[at + 1..] {
+    for (index, &i) in inputs.iter().enumerate() {
+        for &k in &inputs[index + 1..] {
             if trial.point[i].0.shape() != trial.point[k].0.shape() {
                 continue;
             }
@@ -67,7 +67,7 @@ fn one_variable_as_two_inputs(trial: &Trial, tally: &mut Tally) -> Result<(), Br
                 continue;
             }
             let tape = Tape::new();
-            let mut variables = place(&tape, &point);
+            let mut variables = record(&tape, &point);
             variables[k] = variables[i];
             let outcome = trial.case.subject.apply_f64(&tape, &variables);
             let outcome = outcome.map_err(|error| {

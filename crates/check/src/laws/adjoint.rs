@@ -69,7 +69,7 @@ pub(super) fn moved(trial: &Trial, direction: &[Tensor<f64>], h: f64) -> crate::
 /// Whether the subject is on one smooth piece close to the point, on both sides.
 pub(super) fn is_smooth(trial: &Trial, direction: &[Tensor<f64>]) -> bool {
     [BESIDE, -BESIDE].into_iter().all(|h| {
-        let beside = forward(&*trial.case.subject, &moved(trial, direction, h));
-        beside.is_ok_and(|(_, state)| state == trial.nominal.state)
+        let nearby = forward(&*trial.case.subject, &moved(trial, direction, h));
+        nearby.is_ok_and(|(_, state)| state == trial.nominal.state)
     })
 }

@@ -26,10 +26,10 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     }
     let [along_v, along_w] = directions.each_ref().map(|v| products(trial, v));
     let (along_v, along_w) = (along_v?, along_w?);
-    let of = |tensors: &[Option<Tensor<f64>>]| tensors.iter().flatten().cloned().collect();
+    let present = |tensors: &[Option<Tensor<f64>>]| tensors.iter().flatten().cloned().collect();
     let inputs: Vec<usize> = trial.gradients().map(|(i, _)| i).collect();
     let [v, w] = directions.each_ref().map(|v| inputs.iter().map(|&i| &v[i]));
-    let (hv, hw): (Vec<_>, Vec<_>) = (of(&along_v), of(&along_w));
+    let (hv, hw): (Vec<_>, Vec<_>) = (present(&along_v), present(&along_w));
     let (left, left_size) = dot(&hv, w);
     let (right, right_size) = dot(v, &hw);
     let bound = rounding(trial) * (left_size + right_size + gradient_size(trial));
@@ -53,8 +53,11 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
             }
             let bound = bar + ROUNDINGS * f64::EPSILON * (scale + size);
             tally.compare((got, value), bound, || {
-                let place = entry(&format!("in{i}"), hv.shape(), k);
-                format!("derivative along v of d {} / d {place}", differentiated(&trial.upstream))
+                let entry_name = entry(&format!("in{i}"), hv.shape(), k);
+                format!(
+                    "derivative along v of d {} / d {entry_name}",
+                    differentiated(&trial.upstream)
+                )
             })?;
         }
     }

@@ -82,8 +82,8 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
             };
             let bound = bar + ROUNDINGS * f64::EPSILON * scale;
             tally.compare((gradient.data()[k], value), bound, || {
-                let place = entry(&format!("in{i}"), gradient.shape(), k);
-                format!("d {} / d {place}", differentiated(&trial.upstream))
+                let entry_name = entry(&format!("in{i}"), gradient.shape(), k);
+                format!("d {} / d {entry_name}", differentiated(&trial.upstream))
             })?;
         }
     }
@@ -104,8 +104,8 @@ fn value(trial: &Trial, point: &Point<f64>) -> Option<f64> {
 fn noise_level(trial: &Trial) -> f64 {
     const POINTS: usize = 13;
     let direction = direction(trial, 701);
-    let at = |k: usize| value(trial, &moved(trial, &direction, k as f64 * NOISE_STEP));
-    let Some(mut differences) = (0..POINTS).map(at).collect::<Option<Vec<f64>>>() else {
+    let value_at = |k: usize| value(trial, &moved(trial, &direction, k as f64 * NOISE_STEP));
+    let Some(mut differences) = (0..POINTS).map(value_at).collect::<Option<Vec<f64>>>() else {
         return 0.0;
     };
     for _ in 0..3 {
@@ -122,7 +122,7 @@ fn quotient(trial: &Trial, i: usize, k: usize, size: f64, rounding: f64) -> Opti
     let x = trial.point[i].0.data()[k];
     let gradient = trial.nominal.gradients[i].as_ref()?.data()[k].abs();
     let mut moved = trial.point.clone();
-    let mut at = |x: f64| {
+    let mut value_at = |x: f64| {
         moved[i].0.data_mut()[k] = x;
         value(trial, &moved)
     };
@@ -130,7 +130,7 @@ fn quotient(trial: &Trial, i: usize, k: usize, size: f64, rounding: f64) -> Opti
     for step in STEPS {
         // A power of two, so that x + h - x is h but for the rounding of x + h itself.
         let step = (step * x.abs().max(1.0)).log2().floor().exp2();
-        let Some(values) = on_stencil(step, |h| at(x + h)) else { continue };
+        let Some(values) = on_stencil(step, |h| value_at(x + h)) else { continue };
         let new = richardson(step, rounding, values);
         if best.is_none_or(|best| new.bar < best.bar) {
             best = Some(new);

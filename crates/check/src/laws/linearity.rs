@@ -29,8 +29,8 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
                 // A subnormal number has lost digits, and its terms may have.
                 if expected.abs() > f64::MIN_POSITIVE / f64::EPSILON || expected == 0.0 {
                     tally.compare((scaled, expected), 0.0, || {
-                        let place = entry(&format!("in{i}"), gradient.shape(), k);
-                        format!("upstream times 2^{power}: gradient of {place}")
+                        let entry_name = entry(&format!("in{i}"), gradient.shape(), k);
+                        format!("upstream times 2^{power}: gradient of {entry_name}")
                     })?;
                 }
             }
@@ -43,18 +43,19 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let both: Vec<_> = trial.upstream.iter().zip(&other).map(add).collect();
     let (other, both, none) = (with(&other)?, with(&both)?, with(&times(0.0))?);
     for (i, gradient) in trial.gradients() {
-        let of = |run: &Run<f64>| run.gradients[i].clone().expect("a differentiable input");
-        let (other, both, none) = (of(&other), of(&both), of(&none));
+        let gradient_of =
+            |run: &Run<f64>| run.gradients[i].clone().expect("a differentiable input");
+        let (other, both, none) = (gradient_of(&other), gradient_of(&both), gradient_of(&none));
         let size = largest(gradient).max(largest(&other)).max(largest(&both));
         let bound = (ROUNDINGS + gradient.size() as f64) * f64::EPSILON * size;
         for k in 0..gradient.size() {
-            let place = || entry(&format!("in{i}"), gradient.shape(), k);
+            let entry_name = || entry(&format!("in{i}"), gradient.shape(), k);
             let sum = gradient.data()[k] + other.data()[k];
             tally.compare((both.data()[k], sum), bound, || {
-                format!("upstream u + v: gradient of {}", place())
+                format!("upstream u + v: gradient of {}", entry_name())
             })?;
             tally.compare((none.data()[k], 0.0), 0.0, || {
-                format!("upstream 0: gradient of {}", place())
+                format!("upstream 0: gradient of {}", entry_name())
             })?;
         }
     }

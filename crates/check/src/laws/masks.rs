@@ -7,7 +7,7 @@
 use bokashi_core::Tape;
 
 use crate::failure::Broken;
-use crate::run::{place, step};
+use crate::run::{record, step};
 use crate::trial::{Tally, Trial};
 
 /// Up to this many inputs all subsets are tried; beyond, each input alone and all others.
@@ -37,7 +37,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
 fn pass_to(trial: &Trial, subset: &[usize], tally: &mut Tally) -> Result<(), Broken> {
     let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let tape = Tape::new();
-    let inputs = place(&tape, &trial.point);
+    let inputs = record(&tape, &trial.point);
     let outcome = trial.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
     let seeds: Vec<_> = outcome.outputs.iter().copied().zip(&trial.upstream).collect();
     let wrt: Vec<_> = subset.iter().map(|&i| inputs[i]).collect();

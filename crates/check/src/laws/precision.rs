@@ -64,14 +64,14 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
 
     for (j, wide_output) in wide.outputs.iter().enumerate() {
         let moved: Vec<_> = moved_runs.iter().map(|run| &run.outputs[j]).collect();
-        let what = |place: String| format!("f32: out{j}{place}");
+        let what = |entry_name: String| format!("f32: out{j}{entry_name}");
         compare(&mut tally, &narrow.outputs[j], wide_output, &moved, what)?;
     }
     for (i, wide_gradient) in wide.gradients.iter().enumerate() {
         let Some(wide_gradient) = wide_gradient else { continue };
         let moved: Vec<_> = moved_runs.iter().filter_map(|run| run.gradients[i].as_ref()).collect();
         let Some(narrow) = &narrow.gradients[i] else { continue };
-        let what = |place: String| format!("f32: the gradient of in{i}{place}");
+        let what = |entry_name: String| format!("f32: the gradient of in{i}{entry_name}");
         compare(&mut tally, narrow, wide_gradient, &moved, what)?;
     }
     Ok(tally)
@@ -88,8 +88,8 @@ fn compare(
     for (k, (&narrow, &wide)) in narrow.data().iter().zip(wide.data()).enumerate() {
         let change = |run: &&Tensor<f64>| (run.data()[k] - wide).abs();
         let sensitivity = moved.iter().map(change).fold(0.0, f64::max);
-        let place = || what(entry("", moved[0].shape(), k));
-        tally.compare((narrow, wide), SLACK * (sensitivity + floor), place)?;
+        let entry_name = || what(entry("", moved[0].shape(), k));
+        tally.compare((narrow, wide), SLACK * (sensitivity + floor), entry_name)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use bokashi_core::Tape;
 
 use crate::failure::Broken;
-use crate::run::{Run, caught, place, point, step};
+use crate::run::{Run, caught, point, record, step};
 use crate::subject::Case;
 use crate::trial::{Tally, Trial};
 
@@ -61,10 +61,10 @@ pub(crate) fn refuses(
     let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let mut tally = Tally::default();
     let tape = Tape::<f64>::new();
-    let inputs = place(&tape, &right.point);
+    let inputs = record(&tape, &right.point);
     let outcome = right.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
 
-    let wrong_inputs = place(&tape, &point(&wrong.inputs));
+    let wrong_inputs = record(&tape, &point(&wrong.inputs));
     let before = tape.len();
     match caught(|| wrong.subject.apply_f64(&tape, &wrong_inputs).map(|_| ())) {
         Ok(Err(error)) if error.to_string() == message => tally.compared += 1,

@@ -30,13 +30,12 @@ pub fn image_of(shape: [usize; 3]) -> BoxedStrategy<Tensor<f64>> {
     let constant = level().prop_map(move |level| Tensor::full(shape, level));
     let corner = [select(vec![0, height - 1]), select(vec![0, width - 1])];
     let anywhere = [0..height, 0..width];
-    let impulse = prop_oneof![corner.prop_map(|at| at), anywhere.prop_map(|at| at),].prop_map(
-        move |[row, column]| {
+    let impulse = prop_oneof![corner.prop_map(|index| index), anywhere.prop_map(|index| index),]
+        .prop_map(move |[row, column]| {
             from(Box::new(move |i, j, _| if (i, j) == (row, column) { 1.0 } else { 0.0 }))
-        },
-    );
-    let step = (0..=width, level(), level()).prop_map(move |(at, low, high)| {
-        from(Box::new(move |_, j, _| if j < at { low } else { high }))
+        });
+    let step = (0..=width, level(), level()).prop_map(move |(column, low, high)| {
+        from(Box::new(move |_, j, _| if j < column { low } else { high }))
     });
     let chessboard = level().prop_map(move |level| {
         from(Box::new(move |i, j, c| if (i + j + c) % 2 == 0 { level } else { 0.0 }))

@@ -81,15 +81,17 @@ fn cube() -> ClosedMesh {
 }
 
 fn torus(major: u32, minor: u32) -> ClosedMesh {
-    let turn = |k: u32, of: u32| (f64::from(k) / f64::from(of) * std::f64::consts::TAU).sin_cos();
+    let turn =
+        |k: u32, count: u32| (f64::from(k) / f64::from(count) * std::f64::consts::TAU).sin_cos();
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     for i in 0..major {
         for j in 0..minor {
             let ((sin_i, cos_i), (sin_j, cos_j)) = (turn(i, major), turn(j, minor));
             let radius = 0.6 + 0.25 * cos_j;
             positions.push([radius * cos_i, radius * sin_i, 0.25 * sin_j]);
-            let at = |i: u32, j: u32| i % major * minor + j % minor;
-            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            let vertex = |i: u32, j: u32| i % major * minor + j % minor;
+            let [a, b, c, d] =
+                [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
             faces.extend([[a, b, c], [a, c, d]]);
         }
     }

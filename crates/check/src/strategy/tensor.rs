@@ -27,8 +27,8 @@ pub fn non_zero() -> BoxedStrategy<f64> {
 pub fn around(kinks: &'static [f64], range: Range<f64>) -> BoxedStrategy<f64> {
     let near = select(&[-2e-3, 2e-3, -1e-2, 1e-2, -1e-4, 1e-4][..]);
     let offset = prop_oneof![5 => near, 1 => select(&[-1e-6, 1e-6, 0.0][..])];
-    let beside = (select(kinks), offset).prop_map(|(kink, offset)| kink + offset);
-    prop_oneof![3 => range, 1 => beside].boxed()
+    let near_kink = (select(kinks), offset).prop_map(|(kink, offset)| kink + offset);
+    prop_oneof![3 => range, 1 => near_kink].boxed()
 }
 
 /// Shapes of every rank up to 3, with extents of 0 and 1 among them.

@@ -33,7 +33,10 @@ pub fn well_shaped() -> BoxedStrategy<Triangle> {
         .prop_map(|(center, angle, jitters, size, vertices)| {
             std::array::from_fn(|k| {
                 let angle: f64 = angle + (k as f64 / 3.0) * TAU + jitters[k];
-                place([center[0] + size * angle.cos(), center[1] + size * angle.sin()], vertices[k])
+                clip_position(
+                    [center[0] + size * angle.cos(), center[1] + size * angle.sin()],
+                    vertices[k],
+                )
             })
         })
         .boxed()
@@ -52,7 +55,7 @@ pub fn sliver() -> BoxedStrategy<Triangle> {
             std::array::from_fn(|k| {
                 let [x, y] = local[k].map(|s: f64| s * length);
                 let turned = [center[0] + x * cos - y * sin, center[1] + x * sin + y * cos];
-                place(turned, vertices[k])
+                clip_position(turned, vertices[k])
             })
         })
         .boxed()
@@ -64,11 +67,11 @@ pub fn degenerate() -> BoxedStrategy<Triangle> {
     let coordinate = || (-64..=64_i32).prop_map(|k| f64::from(k) / 64.0);
     ([coordinate(), coordinate()], [-16..=16_i32, -16..=16_i32], [0..=2_i32, 0..=2_i32])
         .prop_map(|(start, step, multiples)| {
-            let at = |multiple: i32| {
+            let vertex_at = |multiple: i32| {
                 let offset = step.map(|step| f64::from(step * multiple) / 64.0);
                 [start[0] + offset[0], start[1] + offset[1], 0.0, 1.0]
             };
-            [at(0), at(multiples[0]), at(multiples[1])]
+            [vertex_at(0), vertex_at(multiples[0]), vertex_at(multiples[1])]
         })
         .boxed()
 }
@@ -120,7 +123,7 @@ fn vertex() -> (std::ops::Range<f64>, std::ops::Range<f64>) {
 }
 
 /// The clip position of a place in the image.
-fn place([x, y]: [f64; 2], (depth, w): (f64, f64)) -> [f64; 4] {
+fn clip_position([x, y]: [f64; 2], (depth, w): (f64, f64)) -> [f64; 4] {
     [x * w, y * w, depth * w, w]
 }
 
