@@ -16,9 +16,9 @@ use crate::whole::{folder_of, resolved, write_whole};
 /// # Errors
 /// As [`place_below`] and [`write_whole`].
 pub fn write_below(folder: &Path, path: impl AsRef<Path>, bytes: &[u8]) -> io::Result<PathBuf> {
-    let place = place_below(folder, path)?;
-    write_whole(&place, bytes)?;
-    Ok(place)
+    let file = place_below(folder, path)?;
+    write_whole(&file, bytes)?;
+    Ok(file)
 }
 
 /// Where `path` below `folder` is, with the folders on the way, which are made.
@@ -27,9 +27,9 @@ pub fn write_below(folder: &Path, path: impl AsRef<Path>, bytes: &[u8]) -> io::R
 /// As [`check_below`]; where a folder can't be made.
 pub fn place_below(folder: &Path, path: impl AsRef<Path>) -> io::Result<PathBuf> {
     check_below(folder, &path)?;
-    let place = folder.join(path);
-    fs::create_dir_all(folder_of(&place))?;
-    Ok(place)
+    let file = folder.join(path);
+    fs::create_dir_all(folder_of(&file))?;
+    Ok(file)
 }
 
 /// Whether a file at `path` below `folder` may be written, without leaving a trace. The folder itself may
@@ -40,15 +40,15 @@ pub fn place_below(folder: &Path, path: impl AsRef<Path>) -> io::Result<PathBuf>
 /// the folder.
 pub fn check_below(folder: &Path, path: impl AsRef<Path>) -> io::Result<()> {
     check_inside(folder, &path)?;
-    let place = folder.join(path);
-    match fs::metadata(&place) {
-        Ok(found) if found.is_dir() => {
-            let said = format!("{} is a folder", place.display());
-            Err(io::Error::new(ErrorKind::IsADirectory, said))
+    let file = folder.join(path);
+    match fs::metadata(&file) {
+        Ok(metadata) if metadata.is_dir() => {
+            let message = format!("{} is a folder", file.display());
+            Err(io::Error::new(ErrorKind::IsADirectory, message))
         }
-        Ok(found) if !found.is_file() => {
-            let said = format!("{} is no regular file", place.display());
-            Err(io::Error::new(ErrorKind::PermissionDenied, said))
+        Ok(metadata) if !metadata.is_file() => {
+            let message = format!("{} is no regular file", file.display());
+            Err(io::Error::new(ErrorKind::PermissionDenied, message))
         }
         _ => Ok(()),
     }

@@ -39,14 +39,14 @@ const RANDOM_LETTERS: usize = 6;
 /// Those of the file system: the folder is missing, not writable, or full; `path` is a folder or a
 /// read-only file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    match Place::of(path)? {
-        Place::Output => write_through(io::stdout().lock(), bytes),
-        Place::Error => write_through(io::stderr().lock(), bytes),
-        Place::Stream(stream) => {
+    match Target::find(path)? {
+        Target::Output => write_through(io::stdout().lock(), bytes),
+        Target::Error => write_through(io::stderr().lock(), bytes),
+        Target::Stream(stream) => {
             // To append changes nothing for a device, and leaves what a descriptor's file has.
             write_through(OpenOptions::new().append(true).open(stream)?, bytes)
         }
-        Place::File(file, found) => replace(&file, found.as_ref(), bytes),
+        Target::File(file, metadata) => replace(&file, metadata.as_ref(), bytes),
     }
 }
 
@@ -55,10 +55,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// As [`write_whole`], but for those that only writing shows.
 pub fn check_file(path: &Path) -> io::Result<()> {
-    match Place::of(path)? {
-        Place::Output | Place::Error | Place::Stream(_) => Ok(()),
-        Place::File(file, found) => {
-            if found.is_some() {
+    match Target::find(path)? {
+        Target::Output | Target::Error | Target::Stream(_) => Ok(()),
+        Target::File(file, metadata) => {
+            if metadata.is_some() {
                 check_writable(&file)?;
             }
             tempfile::tempfile_in(folder_of(&file)).map(drop)
@@ -75,10 +75,10 @@ pub fn check_folder(folder: &Path) -> io::Result<()> {
     let mut nearest = PathBuf::from(folder);
     loop {
         match fs::metadata(&nearest) {
-            Ok(found) if found.is_dir() => break,
+            Ok(metadata) if metadata.is_dir() => break,
             Ok(_) => {
-                let said = format!("{} is not a folder", nearest.display());
-                return Err(io::Error::new(ErrorKind::NotADirectory, said));
+                let message = format!("{} is not a folder", nearest.display());
+                return Err(io::Error::new(ErrorKind::NotADirectory, message));
             }
             Err(error) if error.kind() == ErrorKind::NotFound => {
                 nearest = folder_of(&nearest).to_owned();
@@ -104,7 +104,7 @@ pub fn resolved(path: &Path) -> io::Result<PathBuf> {
 fn resolved_through(path: &Path, links: usize) -> io::Result<PathBuf> {
     match fs::canonicalize(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => {}
-        found => return found,
+        result => return result,
     }
     let folder = folder_of(path);
     // A link whose end is missing, or the name of what is.
@@ -125,7 +125,7 @@ fn resolved_through(path: &Path, links: usize) -> io::Result<PathBuf> {
 
 /// Where the bytes for a path go.
 #[derive(Debug)]
-enum Place {
+enum Target {
     /// A file without links on the way, and what is known of it where it is there.
     File(PathBuf, Option<Metadata>),
     /// What is written in place: a device, a FIFO, a descriptor.
@@ -136,19 +136,19 @@ enum Place {
     Error,
 }
 
-impl Place {
-    fn of(path: &Path) -> io::Result<Self> {
+impl Target {
+    fn find(path: &Path) -> io::Result<Self> {
         let mut path = path.to_owned();
         for _ in 0..=MOST_LINKS {
             let is_folder = || {
-                let said = format!("{} is a folder", path.display());
-                io::Error::new(ErrorKind::IsADirectory, said)
+                let message = format!("{} is a folder", path.display());
+                io::Error::new(ErrorKind::IsADirectory, message)
             };
             let ends_as_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/");
             let name = path.file_name().filter(|_| !ends_as_folder).ok_or_else(is_folder)?;
             let folder = fs::canonicalize(folder_of(&path)).and_then(|folder| {
-                let said = || format!("{} is not a folder", folder.display());
-                let is_file = || io::Error::new(ErrorKind::NotADirectory, said());
+                let message = || format!("{} is not a folder", folder.display());
+                let is_file = || io::Error::new(ErrorKind::NotADirectory, message());
                 if folder.is_dir() { Ok(folder) } else { Err(is_file()) }
             })?;
             let file = folder.join(name);
@@ -158,25 +158,25 @@ impl Place {
                 Some(_) => return Ok(Self::Stream(file)),
                 None => {}
             }
-            let found = match fs::symlink_metadata(&file) {
+            let metadata = match fs::symlink_metadata(&file) {
                 Err(error) if error.kind() == ErrorKind::NotFound => {
                     return Ok(Self::File(file, None));
                 }
-                found => found?,
+                result => result?,
             };
-            if found.is_symlink() {
+            if metadata.is_symlink() {
                 path = folder.join(fs::read_link(&file)?);
                 continue;
             }
-            if found.is_dir() {
+            if metadata.is_dir() {
                 return Err(is_folder());
             }
-            if found.permissions().readonly() {
-                let said = format!("{} is read-only", file.display());
-                return Err(io::Error::new(ErrorKind::PermissionDenied, said));
+            if metadata.permissions().readonly() {
+                let message = format!("{} is read-only", file.display());
+                return Err(io::Error::new(ErrorKind::PermissionDenied, message));
             }
-            return Ok(match found.is_file() {
-                true => Self::File(file, Some(found)),
+            return Ok(match metadata.is_file() {
+                true => Self::File(file, Some(metadata)),
                 false => Self::Stream(file),
             });
         }
@@ -186,9 +186,9 @@ impl Place {
 
 /// The number of this program's descriptor that `name` is in `folder`, which has no links.
 fn descriptor(folder: &Path, name: &OsStr) -> Option<u32> {
-    let own = format!("/proc/{}/", std::process::id());
-    let is_ours =
-        folder.starts_with(&own) && folder.ends_with("fd") || folder == Path::new("/dev/fd");
+    let descriptors = format!("/proc/{}/", std::process::id());
+    let is_ours = folder.starts_with(&descriptors) && folder.ends_with("fd")
+        || folder == Path::new("/dev/fd");
     if is_ours { name.to_str()?.parse().ok() } else { None }
 }
 
@@ -206,18 +206,18 @@ fn check_writable(file: &Path) -> io::Result<()> {
     OpenOptions::new().write(true).open(file).map(drop)
 }
 
-/// Puts `bytes` in the place of `file`, of which `found` is known.
-fn replace(file: &Path, found: Option<&Metadata>, bytes: &[u8]) -> io::Result<()> {
-    if found.is_some() {
+/// Puts `bytes` in the place of `file`, of which `metadata` is known.
+fn replace(file: &Path, metadata: Option<&Metadata>, bytes: &[u8]) -> io::Result<()> {
+    if metadata.is_some() {
         check_writable(file)?;
     }
     let prefix = prefix(file);
     remove_strays(folder_of(file), &prefix);
-    let temporary = temporary(folder_of(file), &prefix, found)?;
+    let temporary = temporary(folder_of(file), &prefix, metadata)?;
     // By the file itself: its errors name no temporary path.
     temporary.as_file().write_all(bytes)?;
-    if let Some(found) = found {
-        keep_owner_and_mode(temporary.as_file(), found)?;
+    if let Some(metadata) = metadata {
+        keep_owner_and_mode(temporary.as_file(), metadata)?;
     }
     temporary.as_file().sync_all()?;
     temporary.persist(file)?;
@@ -231,7 +231,11 @@ fn prefix(file: &Path) -> String {
 }
 
 /// A locked temporary file in `folder`.
-fn temporary(folder: &Path, prefix: &str, found: Option<&Metadata>) -> io::Result<NamedTempFile> {
+fn temporary(
+    folder: &Path,
+    prefix: &str,
+    metadata: Option<&Metadata>,
+) -> io::Result<NamedTempFile> {
     loop {
         let mut builder = tempfile::Builder::new();
         builder.prefix(prefix).rand_bytes(RANDOM_LETTERS);
@@ -240,7 +244,7 @@ fn temporary(folder: &Path, prefix: &str, found: Option<&Metadata>) -> io::Resul
             use std::os::unix::fs::PermissionsExt as _;
             // A new file is for whom the user's mask says; one that takes another's place is nobody
             // else's until it has the other's mode.
-            let mode = if found.is_some() { 0o600 } else { 0o666 };
+            let mode = if metadata.is_some() { 0o600 } else { 0o666 };
             builder.permissions(fs::Permissions::from_mode(mode));
         }
         let temporary = builder.tempfile_in(folder)?;
@@ -253,16 +257,16 @@ fn temporary(folder: &Path, prefix: &str, found: Option<&Metadata>) -> io::Resul
     }
 }
 
-/// Gives `file` the owner, where the system lets us, and the mode that `found` has.
+/// Gives `file` the owner, where the system lets us, and the mode that `metadata` has.
 #[cfg(unix)]
-fn keep_owner_and_mode(file: &File, found: &Metadata) -> io::Result<()> {
+fn keep_owner_and_mode(file: &File, metadata: &Metadata) -> io::Result<()> {
     use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, fchown};
     // Only root may give files away; a user may still keep the group.
-    if fchown(file, Some(found.uid()), Some(found.gid())).is_err() {
-        let _ = fchown(file, None, Some(found.gid()));
+    if fchown(file, Some(metadata.uid()), Some(metadata.gid())).is_err() {
+        let _ = fchown(file, None, Some(metadata.gid()));
     }
     // Reading, writing, executing: another owner's program must not run as its new owner.
-    file.set_permissions(fs::Permissions::from_mode(found.permissions().mode() & 0o777))
+    file.set_permissions(fs::Permissions::from_mode(metadata.permissions().mode() & 0o777))
 }
 
 #[cfg(not(unix))]
