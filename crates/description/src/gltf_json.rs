@@ -11,7 +11,7 @@ use serde_json::Value;
 pub fn gltf_root(text: &[u8]) -> serde_json::Result<Root> {
     let error = match serde_json::from_slice(text) {
         Err(error) if error.to_string().starts_with("missing field `nodes`") => error,
-        found => return found,
+        result => return result,
     };
     let mut whole: Value = serde_json::from_slice(text)?;
     let scenes = whole.get_mut("scenes").and_then(Value::as_array_mut).ok_or(error)?;

@@ -36,16 +36,16 @@ pub(crate) fn said(message: &str, keyed: Keyed) -> String {
         return format!("the text ends within {what}");
     }
     // A name of a file may have these words, and what is expected comes after it.
-    if let Some((found, expected)) = rest_of(["invalid type: ", "invalid value: "])
-        .and_then(|found| found.rsplit_once(", expected "))
+    if let Some((given, expected)) = rest_of(["invalid type: ", "invalid value: "])
+        .and_then(|given| given.rsplit_once(", expected "))
     {
-        let [found, expected] = [found, expected].map(|name| plain(name, keyed));
-        return format!("{expected} is needed here, and this is {found}");
+        let [given, expected] = [given, expected].map(|name| plain(name, keyed));
+        return format!("{expected} is needed here, and this is {given}");
     }
-    if let Some((found, expected)) =
-        message.strip_prefix("invalid length ").and_then(|found| found.split_once(", expected "))
+    if let Some((given, expected)) =
+        message.strip_prefix("invalid length ").and_then(|given| given.split_once(", expected "))
     {
-        return format!("{} is needed here, and the length is {found}", plain(expected, keyed));
+        return format!("{} is needed here, and the length is {given}", plain(expected, keyed));
     }
     match message {
         "recursion limit exceeded" => deep(128),
