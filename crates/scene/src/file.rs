@@ -18,15 +18,15 @@ pub const MOST_BYTES: u64 = 4 << 30;
 /// [`SceneError::Read`] where it can't be read, and for what is no regular file; [`SceneError::TooLarge`]
 /// beyond [`MOST_BYTES`].
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
-    read_found(path, path)
+    read_resolved(path, path)
 }
 
-/// The bytes of the file at `found`, which errors call `given`.
+/// The bytes of the file at `path`, which errors call `given`.
 ///
 /// # Errors
 /// As [`read_file`].
-pub(crate) fn read_found(given: &Path, found: &Path) -> Result<Vec<u8>, SceneError> {
-    let (bytes, _) = read_start(given, found, MOST_BYTES + 1)?;
+pub(crate) fn read_resolved(given: &Path, path: &Path) -> Result<Vec<u8>, SceneError> {
+    let (bytes, _) = read_start(given, path, MOST_BYTES + 1)?;
     let length = bytes.len() as u64;
     if length > MOST_BYTES {
         let (place, what) = (Place::new(given), "bytes");
@@ -35,25 +35,25 @@ pub(crate) fn read_found(given: &Path, found: &Path) -> Result<Vec<u8>, SceneErr
     Ok(bytes)
 }
 
-/// The first `most` bytes of the file at `found`, which errors call `given`; and how long it is.
+/// The first `most` bytes of the file at `path`, which errors call `given`; and how long it is.
 ///
 /// # Errors
 /// [`SceneError::Read`], as [`read_file`].
 pub(crate) fn read_start(
     given: &Path,
-    found: &Path,
+    path: &Path,
     most: u64,
 ) -> Result<(Vec<u8>, u64), SceneError> {
     let failed = |error| SceneError::Read { path: given.to_owned(), error };
-    let known = found.metadata().map_err(failed)?;
+    let metadata = path.metadata().map_err(failed)?;
     // A FIFO would wait for its writer for ever, and a device has no end.
-    if !known.is_file() {
+    if !metadata.is_file() {
         return Err(failed(io::Error::other("it is no regular file")));
     }
     let mut bytes = Vec::new();
-    let file = File::open(found).map_err(failed)?;
+    let file = File::open(path).map_err(failed)?;
     file.take(most).read_to_end(&mut bytes).map_err(failed)?;
-    Ok((bytes, known.len()))
+    Ok((bytes, metadata.len()))
 }
 
 /// Writes the file that the caller names whole or not at all.

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pathdiff::diff_paths;
 
 use crate::error::{Place, SceneError};
-use crate::file::{read_found, read_start};
+use crate::file::{read_resolved, read_start};
 use crate::memory::Memory;
 
 /// A byte order mark in UTF-8.
@@ -95,10 +95,10 @@ impl Folder {
     /// [`SceneError::Read`] where it can't be found; [`SceneError::Outside`] where it lies elsewhere.
     pub fn find(&self, path: impl AsRef<Path>) -> Result<PathBuf, SceneError> {
         let given = self.join(path);
-        let found = fs::canonicalize(&given);
-        let found = found.map_err(|error| SceneError::Read { path: given.clone(), error })?;
-        match found.starts_with(&self.root) {
-            true => Ok(found),
+        let path = fs::canonicalize(&given);
+        let path = path.map_err(|error| SceneError::Read { path: given.clone(), error })?;
+        match path.starts_with(&self.root) {
+            true => Ok(path),
             false => {
                 let folder = if self.is_here() { &self.root } else { &self.given };
                 Err(SceneError::Outside { path: given, folder: folder.clone() })
@@ -113,9 +113,9 @@ impl Folder {
     /// beyond [`MOST_BYTES`](crate::MOST_BYTES).
     pub fn read(&self, path: impl AsRef<Path>) -> Result<Vec<u8>, SceneError> {
         let given = self.join(path.as_ref());
-        let found = self.find(path)?;
-        let bytes = read_found(&given, &found)?;
-        let relative = found.strip_prefix(&self.root).unwrap_or(&found).to_owned();
+        let file = self.find(path)?;
+        let bytes = read_resolved(&given, &file)?;
+        let relative = file.strip_prefix(&self.root).unwrap_or(&file).to_owned();
         let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
         read.insert(
             relative,
@@ -135,7 +135,7 @@ impl Folder {
     /// # Errors
     /// As [`Folder::read`].
     pub(crate) fn digest(&self, path: impl AsRef<Path>) -> Result<String, SceneError> {
-        Ok(digest(&read_found(&self.join(path.as_ref()), &self.find(path)?)?))
+        Ok(digest(&read_resolved(&self.join(path.as_ref()), &self.find(path)?)?))
     }
 
     /// The first `most` bytes of the file at `path`, and how long it is.
@@ -148,8 +148,8 @@ impl Folder {
         most: u64,
     ) -> Result<(Vec<u8>, u64), SceneError> {
         let given = self.join(path.as_ref());
-        let found = self.find(path)?;
-        read_start(&given, &found, most)
+        let file = self.find(path)?;
+        read_start(&given, &file, most)
     }
 
     /// The text of the file at `path`. A byte order mark before it, as programs of Windows write one, is left out.

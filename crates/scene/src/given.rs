@@ -41,7 +41,7 @@ impl Scene {
             let words: Vec<_> = words.split(|&byte| byte == 0).collect();
             for pair in words.chunks_exact(2) {
                 let [file, digest] =
-                    [pair[0], pair[1]].map(|files| String::from_utf8_lossy(files).into_owned());
+                    [pair[0], pair[1]].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
                 let (first, before) = known.entry(file.clone()).or_insert((rank, digest.clone()));
                 if *before != digest {
                     let (ranks, values) = ([rank, *first], [digest, before.clone()]);

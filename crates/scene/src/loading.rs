@@ -70,9 +70,9 @@ type Part<'m> = (&'m Geometry, DMat4);
 
 impl LoadedMesh {
     fn from_model(model: &Model, place: &Place) -> Result<Self, SceneError> {
-        let parts = model.placed.iter();
+        let placed = model.placed.iter();
         let parts: Vec<Part<'_>> =
-            parts.map(|parts| (&model.geometries[parts.geometry], parts.transform)).collect();
+            placed.map(|placed| (&model.geometries[placed.geometry], placed.transform)).collect();
         check_memory(&parts, place)?;
         let (mut points, mut faces) = (Vec::<DVec3>::new(), Vec::new());
         for (geometry, matrix) in &parts {

@@ -32,7 +32,7 @@ pub fn find_mask(folder: &Folder, masks: &Path, image: &Path) -> Option<PathBuf>
     let image = image.strip_prefix(folder.path()).unwrap_or(image);
     // A mask is no image of its own, where both lie in one folder.
     names(masks, image)
-        .find(|name| name != image && folder.find(name).is_ok_and(|found| found.is_file()))
+        .find(|name| name != image && folder.find(name).is_ok_and(|path| path.is_file()))
 }
 
 /// The name that the mask of `image` would have, for messages.

@@ -85,10 +85,10 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     add("", "exr", &Picture::from_numbers(&drawn.light.image()?.value())?)?;
 
     let depth = dense(coverage, &eye_depth(&drawn.fragments)?.values().value(), 1);
-    let seen = || depth.data().iter().filter(|&&depth| depth > 0.0);
-    let least = seen().fold(f32::INFINITY, |least, &depth| least.min(depth));
+    let depths = || depth.data().iter().filter(|&&depth| depth > 0.0);
+    let least = depths().fold(f32::INFINITY, |least, &depth| least.min(depth));
     let range =
-        (seen().fold(0.0_f32, |most, &depth| most.max(depth)) - least).max(f32::MIN_POSITIVE);
+        (depths().fold(0.0_f32, |most, &depth| most.max(depth)) - least).max(f32::MIN_POSITIVE);
     let nearness = depth.data().iter().map(|&depth| match depth > 0.0 {
         true => ((1.0 - (depth - least) / range) * 254.0) as u8 + 1,
         false => 0,
@@ -121,9 +121,10 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
 /// Numbers of fragments `[N]` or `[N, C]` as an image `[H, W, C]`, 0 where nothing is seen.
 fn dense(coverage: &Coverage, values: &Tensor<f32>, channels: usize) -> Tensor<f32> {
     let size = coverage.size();
-    let at: Vec<_> =
+    let fragments: Vec<_> =
         (0..size.width * size.height).map(|pixel| coverage.fragment_at(pixel)).collect();
     Tensor::from_flat_fn([size.height, size.width, channels], |k| {
-        at[k / channels].map_or(0.0, |fragment| values.data()[fragment * channels + k % channels])
+        fragments[k / channels]
+            .map_or(0.0, |fragment| values.data()[fragment * channels + k % channels])
     })
 }

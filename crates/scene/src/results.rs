@@ -140,9 +140,9 @@ impl Scene {
         let meshes = || meshes.iter().map(|entry| entry.get_ref());
         let files = meshes().filter_map(|mesh| mesh.file.as_ref());
         let named = files.clone().flat_map(|file| {
-            let beside = file.parent().unwrap_or(Path::new("")).to_owned();
+            let parent = file.parent().unwrap_or(Path::new("")).to_owned();
             let named = named_files(&self.folder, file).unwrap_or_default();
-            named.into_iter().map(move |name| beside.join(name))
+            named.into_iter().map(move |name| parent.join(name))
         });
         let maps = meshes().flat_map(|mesh| [&mesh.material.texture, &mesh.material.normals]);
         let views = self.views.iter().flat_map(|view| [&view.image, &view.mask]);
@@ -170,11 +170,11 @@ impl Scene {
         add("focus", pipeline.lens.map(|lens| lens.focus.0));
         let lights = self.description.lights.iter().map(|light| match light.place() {
             None => json!({ "color": light.color() }),
-            Some(LightPlace::Direction(place)) => {
-                json!({ "color": light.color(), "direction": place.to_array() })
+            Some(LightPlace::Direction(direction)) => {
+                json!({ "color": light.color(), "direction": direction.to_array() })
             }
-            Some(LightPlace::Position(place)) => {
-                json!({ "color": light.color(), "position": place.to_array() })
+            Some(LightPlace::Position(position)) => {
+                json!({ "color": light.color(), "position": position.to_array() })
             }
         });
         numbers.insert("lights".to_owned(), lights.collect());
@@ -187,7 +187,7 @@ impl Scene {
             });
             // From the coordinates of its file, which its PLY has, too.
             let back = DMat4::from_translation(-object.offset);
-            let places = object.places.iter().map(|place| rows(&(*place * back)));
+            let places = object.places.iter().map(|transform| rows(&(*transform * back)));
             let value = json!({
                 "materials": materials.collect::<Value>(),
                 "places": places.collect::<Value>(),

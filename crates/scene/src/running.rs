@@ -10,7 +10,7 @@ use crate::error::SceneError;
 use crate::fitting::SceneFit;
 
 impl SceneFit {
-    /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop. `seen` is told of
+    /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop. `each` is told of
     /// each step. With rules of a run and other listeners: [`drive`].
     ///
     /// ```no_run
@@ -24,9 +24,9 @@ impl SceneFit {
     ///
     /// # Errors
     /// As [`SceneFit::step`].
-    pub fn run(&mut self, mut seen: impl FnMut(&Stepped)) -> Result<(), SceneError> {
+    pub fn run(&mut self, mut each: impl FnMut(&Stepped)) -> Result<(), SceneError> {
         let mut listener = after_step(|stepped: &Stepped| {
-            seen(stepped);
+            each(stepped);
             ControlFlow::Continue(())
         });
         drive(self, &Rules::default(), &mut [&mut listener]).map(drop)

@@ -47,23 +47,25 @@ impl Origin {
     /// [`FitError::Saved`] where parameters start elsewhere: what was learnt since has their place; and
     /// where stages were changed that are done, before `stage`.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
-        let refused = |rule: &str, found: &Difference| {
-            let (before, other) = (described(found.this.as_ref()), described(found.other.as_ref()));
-            FitError::saved(format!("{rule}: {}, {before}", found.name), other)
+        let refused = |rule: &str, difference: &Difference| {
+            let (before, other) =
+                (described(difference.this.as_ref()), described(difference.other.as_ref()));
+            FitError::saved(format!("{rule}: {}, {before}", difference.name), other)
         };
-        if let Some(found) = differences(&self.starts, &now.starts).first() {
-            return Err(refused("the start that it learnt from", found));
+        if let Some(difference) = differences(&self.starts, &now.starts).first() {
+            return Err(refused("the start that it learnt from", difference));
         }
         let changed = differences(&self.given, &now.given);
-        let is_done = |found: &&Difference| {
-            (0..stage).any(|stage| found.name.starts_with(&format!("`stages[{stage}]")))
+        let is_done = |difference: &&Difference| {
+            (0..stage).any(|stage| difference.name.starts_with(&format!("`stages[{stage}]")))
         };
-        if let Some(found) = changed.iter().find(is_done) {
-            return Err(refused("the stages that are done as they were", found));
+        if let Some(difference) = changed.iter().find(is_done) {
+            return Err(refused("the stages that are done as they were", difference));
         }
-        let words = changed.into_iter().map(|found| {
-            let (was, is) = (described(found.this.as_ref()), described(found.other.as_ref()));
-            format!("{}: {is} from now on, and {was} before", found.name)
+        let words = changed.into_iter().map(|difference| {
+            let (was, is) =
+                (described(difference.this.as_ref()), described(difference.other.as_ref()));
+            format!("{}: {is} from now on, and {was} before", difference.name)
         });
         Ok(words.collect())
     }

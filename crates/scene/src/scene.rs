@@ -205,10 +205,10 @@ pub(crate) fn check_views(
 ) -> Result<(), SceneError> {
     let pixels = |view: &SceneView| view.camera.size.width as u64 * view.camera.size.height as u64;
     let Some(largest) = views.iter().max_by_key(|view| pixels(view)) else { return Ok(()) };
-    let place = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));
+    let path = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));
     let Size { width, height } = largest.camera.size;
     let what = || format!("the view {:?} of {width} x {height}", largest.name);
-    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::new(place), what)
+    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::new(path), what)
 }
 
 /// A note where one lens is learnt for views that have several.
@@ -582,13 +582,13 @@ fn names<'a>(images: impl Iterator<Item = &'a Path>, taken: &HashSet<String>) ->
             }
             None => whole(image),
         }];
-    let mut found = Vec::new();
+    let mut names = Vec::new();
     for way in ways {
-        found = images.iter().map(|image| way(image)).collect();
+        names = images.iter().map(|image| way(image)).collect();
         let mut seen = taken.clone();
-        if found.iter().all(|name| seen.insert(name.clone())) {
+        if names.iter().all(|name| seen.insert(name.clone())) {
             break;
         }
     }
-    found
+    names
 }

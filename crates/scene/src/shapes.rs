@@ -76,26 +76,26 @@ fn grid_faces(cells: usize) -> impl Iterator<Item = [u32; 3]> {
     })
 }
 
-/// Six grids, each vertex moved by `place`. Lines that stand at a share of the way from a side's middle to its
+/// Six grids, each vertex moved by `map`. Lines that stand at a share of the way from a side's middle to its
 /// border, 1 at the border, are moved to `line` of that share.
 fn grids(
     name: &str,
     cells: usize,
     line: impl Fn(f32) -> f32,
-    place: impl Fn([f32; 3]) -> [f32; 3],
+    map: impl Fn([f32; 3]) -> [f32; 3],
 ) -> Geometry {
     let side = cells + 1;
     // Mirrored lines are mirrored to the bit, or neighbouring sides would not meet.
     let line = |k: usize| {
-        let side_index = line((2 * k).abs_diff(cells) as f32 / cells as f32);
-        if 2 * k < cells { -side_index } else { side_index }
+        let offset = line((2 * k).abs_diff(cells) as f32 / cells as f32);
+        if 2 * k < cells { -offset } else { offset }
     };
     let mut corners = Vec::with_capacity(6 * side * side);
     let mut rows = Vec::with_capacity(6 * side * side);
     for (side_index, [out, along, down]) in SIDES.iter().enumerate() {
         for k in 0..side * side {
             let [s, t] = [line(k % side), line(k / side)];
-            corners.push(place([0, 1, 2].map(|axis| out[axis] + s * along[axis] + t * down[axis])));
+            corners.push(map([0, 1, 2].map(|axis| out[axis] + s * along[axis] + t * down[axis])));
             let share = |k: usize| k as f32 / cells as f32;
             let [u, v] = [share(k % side), share(k / side)];
             // Away from the neighbours in the texture, which a coarse level would mix in.

@@ -66,8 +66,8 @@ impl Targets {
     pub(crate) fn get(&self, view: usize, reduce: usize) -> Result<Arc<Target>, SceneError> {
         {
             let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(found) = kept.images.get(&(view, reduce)) {
-                return Ok(Arc::clone(found));
+            if let Some(image) = kept.images.get(&(view, reduce)) {
+                return Ok(Arc::clone(image));
             }
         }
         // Others go on while it is decoded.
@@ -205,9 +205,9 @@ impl Targets {
             .collect();
         let weights = Tensor::from(weights.as_slice());
         let background = self.renderer.background(channels)?;
-        Ok(PixelLoss::new(image, &background, move |seen, reference| {
-            let errors = errors(seen.try_sub(reference)?, kind)?;
-            Ok(errors.try_mul(seen.tape().constant(&weights))?)
+        Ok(PixelLoss::new(image, &background, move |rows, reference| {
+            let errors = errors(rows.try_sub(reference)?, kind)?;
+            Ok(errors.try_mul(rows.tape().constant(&weights))?)
         })?)
     }
 }

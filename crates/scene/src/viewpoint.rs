@@ -25,9 +25,13 @@ pub(crate) fn camera(
     let extent = [width, height].map(|extent| extent as f64);
     let distortion = match (entry.distortion, entry.fisheye) {
         (None, None) => Distortion::NONE,
-        (Some(Coefficients::Five(entry)), None) => Distortion::Polynomial(entry.map(|x| x.0)),
-        (Some(Coefficients::Eight(entry)), None) => Distortion::Rational(entry.map(|x| x.0)),
-        (None, Some(entry)) => Distortion::Fisheye(entry.map(|x| x.0)),
+        (Some(Coefficients::Five(coefficients)), None) => {
+            Distortion::Polynomial(coefficients.map(|x| x.0))
+        }
+        (Some(Coefficients::Eight(coefficients)), None) => {
+            Distortion::Rational(coefficients.map(|x| x.0))
+        }
+        (None, Some(coefficients)) => Distortion::Fisheye(coefficients.map(|x| x.0)),
         (Some(_), Some(_)) => return Err("a lens has either `distortion` or `fisheye`"),
     };
     let focal = match (entry.focal, entry.angle) {

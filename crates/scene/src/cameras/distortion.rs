@@ -110,11 +110,11 @@ impl Distortion {
             if point.z.is_nan() || point.z <= 0.0 {
                 return None;
             }
-            let seen = point.truncate() / point.z;
+            let projected = point.truncate() / point.z;
             if is_none {
-                return Some(seen);
+                return Some(projected);
             }
-            let DVec2 { x, y } = seen;
+            let DVec2 { x, y } = projected;
             let s = x * x + y * y;
             let (five, [k4, k5, k6]) = match self {
                 Self::Rational([k1, k2, p1, p2, k3, rest @ ..]) => ([k1, k2, p1, p2, k3], rest),

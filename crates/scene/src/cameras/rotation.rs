@@ -21,7 +21,7 @@ pub(super) fn pose(rows: &[Vec<f64>]) -> Result<DMat4, String> {
         return Err(format!("a pose has finite numbers, and this has {number}"));
     }
     if let Some(last) = rows.get(3)
-        && last.iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, rule)| (found - rule).abs() > EXACT)
+        && last.iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(entry, rule)| (entry - rule).abs() > EXACT)
     {
         return Err(format!("the last row of a pose is [0, 0, 0, 1], and this is {last:?}"));
     }
@@ -41,9 +41,9 @@ fn rotation(matrix: DMat3) -> Result<DMat3, String> {
     let worst = |k: usize| products.row(k).abs().max_element();
     for row in 0..3 {
         if worst(row) > MOST {
-            let found = matrix.row(row);
+            let entries = matrix.row(row);
             let rule = "the rows of a rotation are perpendicular and have length 1, to 0.001";
-            return Err(format!("{rule}, and row {} is {found}", row + 1));
+            return Err(format!("{rule}, and row {} is {entries}", row + 1));
         }
     }
     if matrix.determinant() < 0.0 {

@@ -228,10 +228,10 @@ fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, Sce
 /// comes.
 fn mask_of(folder: &Folder, path: &Path, mask: &str) -> PathBuf {
     let mask = mask.replace('\\', "/");
-    let beside = path.parent().unwrap_or(Path::new(""));
-    beside
+    let parent = path.parent().unwrap_or(Path::new(""));
+    parent
         .strip_prefix(folder.path())
-        .unwrap_or(beside)
+        .unwrap_or(parent)
         .join(mask.strip_prefix("./").unwrap_or(&mask))
 }
 
@@ -242,20 +242,20 @@ fn image_of(
     name: &str,
     place: &Place,
 ) -> Result<PathBuf, SceneError> {
-    let beside = path.parent().unwrap_or(Path::new(""));
+    let parent = path.parent().unwrap_or(Path::new(""));
     // Relative to the folder, also where the file of cameras was not.
-    let beside = beside.strip_prefix(folder.path()).unwrap_or(beside);
+    let parent = parent.strip_prefix(folder.path()).unwrap_or(parent);
     for ending in ENDINGS {
-        let image = beside.join(format!("{name}{ending}"));
+        let image = parent.join(format!("{name}{ending}"));
         match folder.find(&image) {
-            Ok(found) if found.is_file() => return Ok(image),
+            Ok(file) if file.is_file() => return Ok(image),
             Err(error @ SceneError::Outside { .. }) => return Err(error),
             _ => {}
         }
     }
     let rule = "a frame has an image, with or without the ending .png, .jpg, .jpeg or .exr";
     let message =
-        format!("{rule}, and there is none at {}", folder.join(beside).join(name).display());
+        format!("{rule}, and there is none at {}", folder.join(parent).join(name).display());
     Err(SceneError::content(place.clone(), message))
 }
 
@@ -315,11 +315,12 @@ impl Lens {
 
     /// The lens by its model and coefficients.
     fn distortion(&self) -> Result<Distortion, String> {
-        let numbers = |number: &[Option<f64>]| -> Vec<f64> {
-            number.iter().copied().map(Option::unwrap_or_default).collect()
+        let numbers = |coefficients: &[Option<f64>]| -> Vec<f64> {
+            coefficients.iter().copied().map(Option::unwrap_or_default).collect()
         };
-        let filled =
-            |kind: Distortion, number: &[Option<f64>]| kind.with_coefficients(&numbers(number));
+        let filled = |kind: Distortion, coefficients: &[Option<f64>]| {
+            kind.with_coefficients(&numbers(coefficients))
+        };
         let &Self { k1, k2, k3, k4, k5, k6, p1, p2, .. } = self;
         let named = self.camera_model.as_deref();
         let is_fisheye = named == Some(FISHEYE);
@@ -371,10 +372,11 @@ impl Lens {
             ("from_mitsuba", &self.from_mitsuba, "poses are those of NeRF's axes"),
             ("from_na", &self.from_na, "poses are those of NeRF's axes"),
         ];
-        let found = rules
+        let broken = rules
             .into_iter()
             .find(|(_, value, _)| value.as_ref().is_some_and(|v| says_something(&v)));
-        found.map_or(Ok(()), |(key, _, rule)| Err(format!("{rule}, and {key} says something else")))
+        broken
+            .map_or(Ok(()), |(key, _, rule)| Err(format!("{rule}, and {key} says something else")))
     }
 
     /// The camera at the origin.

@@ -79,18 +79,18 @@ impl SceneFit {
         views: &[usize],
         mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
     ) -> Result<Vec<ViewScore>, SceneError> {
-        let scores = block(views.len(), self.ranks.rank(), self.ranks.size());
+        let range = block(views.len(), self.ranks.rank(), self.ranks.size());
         let score = |&view: &usize| {
             let seen = self.seen(view)?;
             each(&seen)?;
             Ok(seen.score)
         };
-        let scores: Result<Vec<_>, SceneError> = views[scores].iter().map(score).collect();
+        let scores: Result<Vec<_>, SceneError> = views[range].iter().map(score).collect();
         let bytes =
             scores.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
         let all = agree(&*self.ranks, bytes)?.concat();
-        let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
-        Ok(scores.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
+        let pairs = views.iter().zip(all.chunks(ViewScore::BYTES));
+        Ok(pairs.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
     }
 
     /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
@@ -119,9 +119,9 @@ impl SceneFit {
         score.ssim = ssim(&image, &colors, 1.0).ok();
         if let Some(mask) = self.targets.mask(view)? {
             let shape = mask.shape().clone();
-            let (seen, all) = (mask.data(), all.value());
+            let (target_mask, all) = (mask.data(), all.value());
             let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
-            let expected = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
+            let expected = Mask::from_flat_fn(&shape, |k| target_mask[k] > 0.5);
             score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
         }
         Ok(SeenView { score, image, target: Some(colors) })

@@ -128,7 +128,10 @@ pub(crate) static POSE: Learnable = Learnable {
     start: |_, _| Some(Tensor::zeros([6])),
     apply: |scene, mesh, increment, frame| {
         let motion = frame.object_pivot(mesh).shifted(frame.origin).motion(increment.data())?;
-        scene.objects[mesh].places.iter_mut().for_each(|place| *place = motion * *place);
+        scene.objects[mesh]
+            .places
+            .iter_mut()
+            .for_each(|transform| *transform = motion * *transform);
         Ok(())
     },
     ..Learnable::new("pose", Subjects::Meshes, 0.01)
@@ -219,17 +222,17 @@ pub(crate) static LIGHT_PLACES: Learnable = Learnable {
         _ => 1.0,
     },
     start: |scene, light| {
-        let place = match scene.description.lights[light].place()? {
+        let vector = match scene.description.lights[light].place()? {
             LightPlace::Direction(direction) => direction.normalize(),
             LightPlace::Position(position) => position,
         };
-        Some(Tensor::from(place.as_vec3().to_array()))
+        Some(Tensor::from(vector.as_vec3().to_array()))
     },
     apply: |scene, light, learnt, _| {
         let learnt = std::array::from_fn(|k| Finite(learnt.data()[k].into()));
         match &mut scene.description.lights[light] {
-            LightEntry::Directional { direction: place, .. }
-            | LightEntry::Point { position: place, .. } => *place = learnt,
+            LightEntry::Directional { direction: vector, .. }
+            | LightEntry::Point { position: vector, .. } => *vector = learnt,
             LightEntry::Ambient { .. } => (),
         }
         Ok(())

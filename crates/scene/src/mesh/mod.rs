@@ -133,15 +133,16 @@ pub fn read_model_bytes(
         MeshKind::Gltf => gltf::read(bytes, &mut context),
     }?;
     if model.geometries.is_empty() {
-        let mut found = "a mesh file has a face with three vertices, and this has none".to_owned();
+        let mut message =
+            "a mesh file has a face with three vertices, and this has none".to_owned();
         for note in model.notes.iter().take(MOST_NOTES) {
-            found.push_str("; ");
-            found.push_str(note);
+            message.push_str("; ");
+            message.push_str(note);
         }
         if model.notes.len() > MOST_NOTES {
-            found.push_str("; and more was left out");
+            message.push_str("; and more was left out");
         }
-        return Err(context.error(found));
+        return Err(context.error(message));
     }
     Ok(model)
 }

@@ -61,10 +61,10 @@ impl Polygons {
             let fan = &faces[0][all.clone()];
             points.clear();
             points.extend(corners(fan).map(|row| DVec3::from(positions[row as usize])));
-            let found = Cut::new(&points, &mut ears);
-            bent += usize::from(found.is_bent);
-            crossing += usize::from(found.crosses);
-            if let Some(triangles) = found.triangles {
+            let cut = Cut::new(&points, &mut ears);
+            bent += usize::from(cut.is_bent);
+            crossing += usize::from(cut.crosses);
+            if let Some(triangles) = cut.triangles {
                 for faces in faces.iter_mut() {
                     let fan_corners: Vec<u32> = corners(&faces[all.clone()]).collect();
                     for (face, triangle) in faces[all.clone()].iter_mut().zip(&triangles) {
@@ -123,11 +123,11 @@ impl Cut {
 
         // Counter-clockwise in two of the axes.
         let axis = normal.abs().max_position();
-        let seen = |p: DVec3| {
+        let flattened = |p: DVec3| {
             let [x, y] = [p[(axis + 1) % 3], p[(axis + 2) % 3]];
             if normal[axis] > 0.0 { DVec2::new(x, y) } else { DVec2::new(y, x) }
         };
-        let flat: Vec<DVec2> = (0..count).map(|k| seen(from_first(k))).collect();
+        let flat: Vec<DVec2> = (0..count).map(|k| flattened(from_first(k))).collect();
         let (is_convex, turned) = turns(&flat);
         if is_convex {
             // A star turns twice.

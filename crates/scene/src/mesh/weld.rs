@@ -151,8 +151,8 @@ impl Welder {
         let mut order: Vec<u32> = (0..named.len() as u32).collect();
         order.sort_unstable_by_key(|&number| named[number as usize]);
         let mut places = vec![0; named.len()];
-        for (place, &number) in order.iter().enumerate() {
-            places[number as usize] = place as u32;
+        for (position, &number) in order.iter().enumerate() {
+            places[number as usize] = position as u32;
         }
         named.sort_unstable();
         local.iter_mut().flatten().for_each(|number| *number = places[*number as usize]);
@@ -356,17 +356,17 @@ pub(super) fn same_keys<const N: usize>(count: usize, key: impl Fn(usize) -> [u3
     for number in 0..count {
         let sought = key(number);
         let mut slot = hash(sought, seed, factor) as usize & mask;
-        let found = loop {
+        let first_number = loop {
             match slots[slot] {
                 NONE => {
                     slots[slot] = number as u32;
                     break number as u32;
                 }
-                found if key(found as usize) == sought => break found,
+                first_number if key(first_number as usize) == sought => break first_number,
                 _ => slot = (slot + 1) & mask,
             }
         };
-        first.push(found);
+        first.push(first_number);
     }
     first
 }

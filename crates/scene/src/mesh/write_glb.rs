@@ -253,9 +253,9 @@ fn material_of(material: &MaterialFile, textures: &mut Textures) -> Result<Value
     let MaterialFile { name, base_color, metallic, roughness, normal_scale, .. } = material;
     let numbers = base_color.iter().chain([metallic, roughness, normal_scale]);
     if !numbers.clone().all(|number| number.is_finite()) {
-        let found: Vec<f32> = numbers.copied().collect();
+        let all: Vec<f32> = numbers.copied().collect();
         let message =
-            format!("the numbers of the material {name:?} are finite, and these are {found:?}");
+            format!("the numbers of the material {name:?} are finite, and these are {all:?}");
         return Err(SceneError::content(place(), message));
     }
     let base_color = base_color.map(|number| number.clamp(0.0, 1.0));

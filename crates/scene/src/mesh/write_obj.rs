@@ -93,7 +93,7 @@ impl ObjFiles {
             Ok::<_, SceneError>(file)
         };
         // The image of a map, and its options. MTL has no mirrored images, and one border for both axes.
-        let found = |map: &MaterialMap| {
+        let picture_of = |map: &MaterialMap| {
             let Some(number) = map.image else { return Ok(None) };
             check_number("image", number, model.images.len())?;
             let is_clamped = map.borders == [TextureBorder::Clamp; 2];
@@ -104,15 +104,15 @@ impl ObjFiles {
         // Writing to a string cannot fail.
         let _ =
             writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
-        if let Some((picture, clamp)) = found(&material.base_color_map)? {
+        if let Some((picture, clamp)) = picture_of(&material.base_color_map)? {
             let _ = writeln!(text, "map_Kd {clamp}{}", image(picture)?);
         }
-        if let Some((picture, clamp)) = found(&material.metallic_roughness_map)? {
+        if let Some((picture, clamp)) = picture_of(&material.metallic_roughness_map)? {
             for (key, channel) in [("map_Pr", 1), ("map_Pm", 2)] {
                 let _ = writeln!(text, "{key} {clamp}{}", image(&gray(picture, channel))?);
             }
         }
-        if let Some((picture, clamp)) = found(&material.normal_map)? {
+        if let Some((picture, clamp)) = picture_of(&material.normal_map)? {
             let _ = writeln!(text, "norm {clamp}-bm {} {}", material.normal_scale, image(picture)?);
         }
         self.mtl.push_str(&text);

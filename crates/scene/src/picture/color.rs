@@ -107,9 +107,9 @@ impl Picture {
                 let [srgb, linear] = [ColorSpace::Srgb, ColorSpace::Linear]
                     .map(|space| LazyCell::new(move || space.decoded_bytes()));
                 Tensor::from_flat_fn(shape, |k| {
-                    let at = index(k);
-                    let byte = usize::from(samples[at]);
-                    match space(at) {
+                    let position = index(k);
+                    let byte = usize::from(samples[position]);
+                    match space(position) {
                         ColorSpace::Srgb => srgb[byte],
                         ColorSpace::Linear => linear[byte],
                     }
@@ -196,13 +196,14 @@ impl Picture {
         let [height, width, channels] = extents("an image of colours", light)?;
         let spaces = spaces(channels, space);
         let all = light.data().iter().copied().enumerate();
-        let whole = all.clone().map(|(at, light)| spaces(at).encode(light.clamp(0.0, 1.0).into()));
+        let whole =
+            all.clone().map(|(index, light)| spaces(index).encode(light.clamp(0.0, 1.0).into()));
         let samples = match depth {
             // A NaN becomes 0.
             Depth::Eight => Samples::U8(whole.map(|y| (y * 255.0).round() as u8).collect()),
             Depth::Sixteen => Samples::U16(whole.map(|y| (y * 65535.0).round() as u16).collect()),
             Depth::ThirtyTwo => {
-                let sample = |(at, light): (usize, f32)| match spaces(at) {
+                let sample = |(index, light): (usize, f32)| match spaces(index) {
                     ColorSpace::Linear => light,
                     space => space.encode(light.into()) as f32,
                 };
@@ -225,15 +226,15 @@ impl Picture {
 
 /// Rows, columns and channels.
 fn extents(operation: &'static str, tensor: &Tensor<f32>) -> Result<[usize; 3], SceneError> {
-    let found = match **tensor.shape() {
+    let extents = match **tensor.shape() {
         [height, width] => [height, width, 1],
         [height, width, channels] => [height, width, channels],
         _ => [0; 3],
     };
-    if found.contains(&0) || found[2] > 4 {
+    if extents.contains(&0) || extents[2] > 4 {
         let rule = "shape [H, W] or [H, W, C], with pixels and one to four channels".to_owned();
         let shape = tensor.shape().clone();
         return Err(RenderError::Shape { operation, rule, shape }.into());
     }
-    Ok(found)
+    Ok(extents)
 }

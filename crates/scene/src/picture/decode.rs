@@ -51,8 +51,8 @@ impl Format {
         if radiance::MARKS.into_iter().any(begins) {
             return Ok(Self::Radiance);
         }
-        let is = |(at, magic, _): &(usize, &[u8], &str)| {
-            bytes.get(*at..).is_some_and(|bytes| bytes.starts_with(magic))
+        let is = |(start, magic, _): &(usize, &[u8], &str)| {
+            bytes.get(*start..).is_some_and(|bytes| bytes.starts_with(magic))
         };
         if let Some((_, _, name)) = OTHERS.iter().find(|other| is(other)) {
             let rule = "an image is a PNG, JPEG, EXR or HDR file";
@@ -137,7 +137,7 @@ impl Picture {
         match header_size(&bytes, length, &place) {
             // A header may be longer.
             Err(_) if length > bytes.len() => Self::decode_size(&folder.read(path)?, &place),
-            found => found,
+            result => result,
         }
     }
 }

@@ -90,7 +90,7 @@ impl Mask {
         let shape = [picture.height, picture.width];
         let of_numbers = |numbers: Vec<f32>| {
             let (share, kind) = read_shares(&numbers, is_whole).map_err(wrong)?;
-            Ok(Self { share: Tensor::from_flat_fn(shape, |at| share[at]), kind })
+            Ok(Self { share: Tensor::from_flat_fn(shape, |k| share[k]), kind })
         };
         if let Some(opacity) = picture.opacity() {
             let first = opacity.data()[0];
@@ -117,7 +117,7 @@ impl Mask {
             let rule = "labels in colours are black where no object is";
             return Err(wrong(format!("{rule}, and this is nowhere black")));
         }
-        let share = Tensor::from_flat_fn(shape, |at| f32::from(u8::from(colors[at] != [0.0; 3])));
+        let share = Tensor::from_flat_fn(shape, |k| f32::from(u8::from(colors[k] != [0.0; 3])));
         Ok(Self { share, kind: MaskKind::Labels(all.len() - 1) })
     }
 

@@ -74,23 +74,23 @@ fn layers(header: &Header) -> Vec<String> {
 /// # Errors
 /// [`SceneError::Content`] where there is none, or one of several layers.
 fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneError> {
-    let found = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::new(header)?)));
+    let choice = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::new(header)?)));
     // A part is found by the names of its channels, the first one that has them.
-    let found = found.filter(|(k, chosen)| match chosen {
+    let choice = choice.filter(|(k, chosen)| match chosen {
         Chosen::Color(_) => true,
         Chosen::Gray(name) => {
             let is_same = |channel: &ChannelDescription| channel.name == *name;
             !headers[..*k].iter().any(|header| header.channels.list.iter().any(is_same))
         }
     });
-    let has_gray = matches!(found, Some((_, Chosen::Gray(_))));
+    let has_gray = matches!(choice, Some((_, Chosen::Gray(_))));
     let all = headers.iter().enumerate();
     let all = all.flat_map(|(k, header)| layers(header).into_iter().map(move |layer| (k, layer)));
     let all: Vec<_> = all.collect();
-    match (found, all.as_slice()) {
-        (Some(found), _) if !has_gray => Ok(found),
+    match (choice, all.as_slice()) {
+        (Some(choice), _) if !has_gray => Ok(choice),
         (_, [(k, layer)]) => Ok((*k, Chosen::Color(layer.clone()))),
-        (Some(found), []) => Ok(found),
+        (Some(choice), []) => Ok(choice),
         (None, []) => {
             let rule = "an EXR image has the channels R, G and B, or Y and A, or a single channel";
             let message = format!("{rule}, and no flat layer of this file has");
@@ -160,7 +160,8 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
     let mut remarks = Vec::new();
     if let Some(primaries) = shared.chromaticities {
         let all = [primaries.white, primaries.red, primaries.green, primaries.blue];
-        let all: Vec<f32> = all.iter().flat_map(|place| [place.x(), place.y()]).collect();
+        let all: Vec<f32> =
+            all.iter().flat_map(|coordinate| [coordinate.x(), coordinate.y()]).collect();
         if !<[f32; 8]>::try_from(all).is_ok_and(is_srgb) {
             remarks.push("it says other primaries than sRGB's, which is left out".to_owned());
         }
@@ -326,8 +327,8 @@ fn shown(
         if let Ok(row) = row
             && row < display.height()
         {
-            let place = &mut shown[row * display.width() * channels..][from..until];
-            place.copy_from_slice(&samples[skipped..skipped + until - from]);
+            let target = &mut shown[row * display.width() * channels..][from..until];
+            target.copy_from_slice(&samples[skipped..skipped + until - from]);
         }
     }
     shown

@@ -232,9 +232,9 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
     let file = File::new(bytes, bytes.len(), place)?;
     let mut remarks = Vec::new();
     for value in file.values("PRIMARIES") {
-        let found: Vec<f32> = value.split_whitespace().flat_map(str::parse).collect();
+        let numbers: Vec<f32> = value.split_whitespace().flat_map(str::parse).collect();
         // Red, green, blue, white.
-        let is_usual = match *found {
+        let is_usual = match *numbers {
             [rx, ry, gx, gy, bx, by, wx, wy] => is_srgb([wx, wy, rx, ry, gx, gy, bx, by]),
             _ => false,
         };

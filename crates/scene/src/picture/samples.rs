@@ -103,13 +103,13 @@ pub(super) fn check_size(
         let message = format!("an image has pixels, and this is {width} x {height}");
         return Err(SceneError::content(place.clone(), message));
     }
-    let found = width.saturating_mul(height).saturating_mul(channels);
+    let samples = width.saturating_mul(height).saturating_mul(channels);
     let place = place.clone();
-    if found > MOST_SAMPLES {
+    if samples > MOST_SAMPLES {
         let (what, most) = ("samples of an image", MOST_SAMPLES);
-        return Err(SceneError::TooLarge { place, what, most, found });
+        return Err(SceneError::TooLarge { place, what, most, found: samples });
     }
-    if found / densest > bytes as u64 {
+    if samples / densest > bytes as u64 {
         let rule = format!("an image of {width} x {height} needs more bytes than its file has");
         return Err(SceneError::content(place, format!("{rule}, {bytes}")));
     }

@@ -9,8 +9,8 @@ const SRGB: [f32; 8] = [0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06];
 const SAME: f32 = 2e-3;
 
 /// Whether these are sRGB's white, red, green and blue.
-pub(super) fn is_srgb(found: [f32; 8]) -> bool {
-    found.iter().zip(SRGB).all(|(found, usual)| (found - usual).abs() <= SAME)
+pub(super) fn is_srgb(given: [f32; 8]) -> bool {
+    given.iter().zip(SRGB).all(|(given, usual)| (given - usual).abs() <= SAME)
 }
 
 /// What is said of pixels that are no squares: so many times as wide as they are high.

@@ -177,11 +177,11 @@ impl Renderer {
         let interpolated = self.interpolated(values, world)?;
         let mut camera = self.scene.views[view].camera.scaled(reduce);
         camera.view *= DMat4::from_translation(self.frame.origin);
-        let seen = ViewCamera { frame: &self.frame, view, camera }.in_step(values)?;
+        let step_camera = ViewCamera { frame: &self.frame, view, camera }.in_step(values)?;
         let fragments = match cache.and_then(|cache| cache.get(key)) {
             Some(still) => still.on(values.tape),
             None => {
-                let clip = seen.clip(world)?;
+                let clip = step_camera.clip(world)?;
                 let fragments = self.fragments(clip, interpolated, camera.size)?;
                 if let Some(cache) = cache {
                     cache.insert(key, fragments.still());
@@ -189,7 +189,7 @@ impl Renderer {
                 fragments
             }
         };
-        let light = self.light(values, interpolated, world, seen.eye()?, &fragments)?;
+        let light = self.light(values, interpolated, world, step_camera.eye()?, &fragments)?;
         self.compose(values, world, light, fragments, with_mask)
     }
 

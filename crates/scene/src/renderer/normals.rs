@@ -69,7 +69,7 @@ struct Tangents {
 /// Directions of an object's file, as an instance has them.
 struct FileDirections {
     object: usize,
-    place: DMat4,
+    transform: DMat4,
     is_mirrored: bool,
     /// Normals `[A, 3]` or tangents `[A, 4]`, in the object's own coordinates.
     rows: Tensor<f32>,
@@ -103,7 +103,7 @@ impl Normals {
                 let faces = part.mesh.faces().iter().zip(corners.faces());
                 faces.flat_map(|(vertex, normal)| [0, 1, 2].map(|k| (vertex[k], normal[k])))
             };
-            for place in &part.places {
+            for transform in &part.places {
                 let mut seen = HashMap::new();
                 let (start, mut rows) = (vertices.len(), Vec::new());
                 // Those that the file has first, then those that follow from faces.
@@ -124,7 +124,11 @@ impl Normals {
                 first += part.mesh.vertex_count() as u32;
                 let given = of_file.map(|normals| {
                     let number = |k: usize| normals.rows.data()[3 * rows[k / 3] + k % 3];
-                    FileDirections::new(part, *place, Tensor::from_flat_fn([rows.len(), 3], number))
+                    FileDirections::new(
+                        part,
+                        *transform,
+                        Tensor::from_flat_fn([rows.len(), 3], number),
+                    )
                 });
                 self.pieces.push((start..middle, given));
                 if middle < end {
@@ -211,7 +215,7 @@ impl Tangents {
             let mapped = object.coordinates_of_maps().filter(|_| has_map(object));
             let mapped = mapped.map(|uv| Ok::<_, SceneError>((part.wound(&uv.indices)?, &uv.rows)));
             let mapped = mapped.transpose()?;
-            for place in &part.places {
+            for transform in &part.places {
                 let faces_of_place = &corners.faces()[first..first + count];
                 first += count;
                 let mut seen = HashMap::new();
@@ -246,7 +250,7 @@ impl Tangents {
                 }
                 if let Some((_, tangents)) = &of_file {
                     given_rows += tangents.rows.shape()[0] as u32;
-                    given.push(FileDirections::new(part, *place, tangents.rows.clone()));
+                    given.push(FileDirections::new(part, *transform, tangents.rows.clone()));
                 }
             }
         }
@@ -288,8 +292,8 @@ impl Tangents {
 }
 
 impl FileDirections {
-    fn new(part: &Part, place: DMat4, rows: Tensor<f32>) -> Self {
-        Self { object: part.object, place, is_mirrored: part.is_mirrored, rows }
+    fn new(part: &Part, transform: DMat4, rows: Tensor<f32>) -> Self {
+        Self { object: part.object, transform, is_mirrored: part.is_mirrored, rows }
     }
 
     /// From the object's own coordinates to the world's.
@@ -297,8 +301,8 @@ impl FileDirections {
         let MotionContext { objects, frame, values } = context;
         let name = &objects[self.object].name;
         Ok(match values.learnt(&POSE, name) {
-            Some(pose) => frame.object_pivot(self.object).moved(pose, &self.place)?,
-            None => values.tape.constant(&to_tensor(&self.place)),
+            Some(pose) => frame.object_pivot(self.object).moved(pose, &self.transform)?,
+            None => values.tape.constant(&to_tensor(&self.transform)),
         })
     }
 

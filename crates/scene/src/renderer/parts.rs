@@ -41,11 +41,12 @@ impl Parts {
         for (index, object) in objects.iter().enumerate() {
             for is_mirrored in [false, true] {
                 let places = object.places.iter().copied();
-                let places: Vec<_> =
-                    places.filter(|place| (place.determinant() < 0.0) == is_mirrored).collect();
+                let places: Vec<_> = places
+                    .filter(|transform| (transform.determinant() < 0.0) == is_mirrored)
+                    .collect();
                 if !places.is_empty() {
                     let mesh = wound(&object.mesh, is_mirrored)?;
-                    let places = places.into_iter().map(|place| moved * place).collect();
+                    let places = places.into_iter().map(|transform| moved * transform).collect();
                     all.push(Part { object: index, is_mirrored, mesh, places });
                 }
             }
@@ -97,14 +98,16 @@ impl Parts {
 
     /// The object that a face belongs to, and the face's number there.
     pub(super) fn face_of_object(&self, face: usize) -> [usize; 2] {
-        self.assembly.place(face).map_or([0; 2], |place| [self.all[place.part].object, place.face])
+        self.assembly
+            .place(face)
+            .map_or([0; 2], |source| [self.all[source.part].object, source.face])
     }
 
     /// Which of all instances a face belongs to.
     pub(super) fn instance(&self, face: usize) -> Option<usize> {
-        let place = self.assembly.place(face)?;
-        let before = self.all[..place.part].iter().map(|part| part.places.len());
-        Some(before.sum::<usize>() + place.instance)
+        let source = self.assembly.place(face)?;
+        let before = self.all[..source.part].iter().map(|part| part.places.len());
+        Some(before.sum::<usize>() + source.instance)
     }
 
     /// The vertices of all instances in the world, `[V, 3]`.
@@ -120,11 +123,11 @@ impl Parts {
             let (object, pivot) = (&objects[part.object], frame.object_pivot(part.object));
             let positions = values.tensor(&VERTICES, &object.name, &object.positions);
             let pose = values.learnt(&POSE, &object.name);
-            for place in &part.places {
+            for transform in &part.places {
                 all.push(match pose {
-                    Some(pose) => transform_points(positions, pivot.moved(pose, place)?)?,
-                    None if *place == DMat4::IDENTITY => positions,
-                    None => transform_points(positions, tape.constant(&to_tensor(place)))?,
+                    Some(pose) => transform_points(positions, pivot.moved(pose, transform)?)?,
+                    None if *transform == DMat4::IDENTITY => positions,
+                    None => transform_points(positions, tape.constant(&to_tensor(transform)))?,
                 });
             }
         }

@@ -17,16 +17,17 @@ const LEAST_SPREAD: f64 = 1e-6;
 pub fn share_seen(object: &Object, camera: &Camera) -> f64 {
     let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
     let pixels = camera.pixels();
-    let is_seen = |place: DVec3| {
-        pixels(place).is_some_and(|pixel| {
+    let is_seen = |point: DVec3| {
+        pixels(point).is_some_and(|pixel| {
             (-HALF..width - HALF).contains(&pixel.x) && (-HALF..height - HALF).contains(&pixel.y)
         })
     };
     let all = object.places.iter();
-    let all = all.flat_map(|place| object.points().map(|point| place.transform_point3(point)));
+    let all =
+        all.flat_map(|transform| object.points().map(|point| transform.transform_point3(point)));
     let (mut seen, mut count) = (0_usize, 0_usize);
-    for place in all {
-        seen += usize::from(is_seen(place));
+    for point in all {
+        seen += usize::from(is_seen(point));
         count += 1;
     }
     if count == 0 { 0.0 } else { seen as f64 / count as f64 }

@@ -33,11 +33,11 @@ impl MeshSummary {
     /// Where a face names a vertex that is not there.
     pub fn new(geometry: &Geometry) -> Self {
         let Geometry { positions, faces, .. } = geometry;
-        let place = |vertex: u32| DVec3::from(positions[vertex as usize].map(f64::from));
+        let position = |vertex: u32| DVec3::from(positions[vertex as usize].map(f64::from));
         let largest = positions.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
         let rounding = ROUNDINGS * f64::from(largest) * f64::from(f32::EPSILON);
         let is_degenerate = |face: &&[u32; 3]| {
-            let [a, b, c] = face.map(place);
+            let [a, b, c] = face.map(position);
             let longest = (b - a).length().max((c - b).length()).max((a - c).length());
             (b - a).cross(c - a).length() <= rounding * longest
         };
@@ -49,9 +49,9 @@ impl MeshSummary {
         let [boundary_edges, crowded_edges, turned_edges] = edges(faces);
         let is_solid = !faces.is_empty() && boundary_edges + crowded_edges + turned_edges == 0;
         // Six times tetrahedra to a place nearby: far from the origin theirs would cancel.
-        let middle = faces.first().map_or(DVec3::ZERO, |face| place(face[0]));
+        let middle = faces.first().map_or(DVec3::ZERO, |face| position(face[0]));
         let volume = |face: &[u32; 3]| {
-            let [a, b, c] = face.map(|vertex| place(vertex) - middle);
+            let [a, b, c] = face.map(|vertex| position(vertex) - middle);
             a.dot(b.cross(c))
         };
         let bound = |pick: fn(f32, f32) -> f32| {

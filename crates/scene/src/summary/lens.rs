@@ -41,21 +41,21 @@ pub fn most_bent_edges(scene: &Scene, least: f64) -> Result<Vec<BentEdge>, Rende
         return Ok(Vec::new());
     }
     let edges: Vec<_> = scene.objects.iter().map(edges).collect();
-    let mut found = Vec::new();
+    let mut bent = Vec::new();
     for view in views {
         let mut most: Option<BentEdge> = None;
         for (object, edges) in scene.objects.iter().zip(&edges) {
-            for place in &object.places {
-                let pixels = most_bent(object, edges, place, &view.camera)?;
+            for transform in &object.places {
+                let pixels = most_bent(object, edges, transform, &view.camera)?;
                 if pixels > most.as_ref().map_or(least, |most| most.pixels) {
                     let (view, object) = (view.name.clone(), object.name.clone());
                     most = Some(BentEdge { view, object, pixels });
                 }
             }
         }
-        found.extend(most);
+        bent.extend(most);
     }
-    Ok(found)
+    Ok(bent)
 }
 
 /// A note of edges that lenses bend by more than half a pixel, since faces are drawn with straight edges.
@@ -63,10 +63,10 @@ pub fn most_bent_edges(scene: &Scene, least: f64) -> Result<Vec<BentEdge>, Rende
 /// # Errors
 /// As [`most_bent_edges`].
 pub fn lens_note(scene: &Scene) -> Result<Option<String>, RenderError> {
-    let found = most_bent_edges(scene, HALF)?;
-    let most = found.iter().max_by(|a, b| a.pixels.total_cmp(&b.pixels));
+    let bent = most_bent_edges(scene, HALF)?;
+    let most = bent.iter().max_by(|a, b| a.pixels.total_cmp(&b.pixels));
     let Some(BentEdge { view, object, pixels }) = most else { return Ok(None) };
-    let views = match found.len() {
+    let views = match bent.len() {
         1 => "the lens of 1 view bends edges".to_owned(),
         count => format!("the lenses of {count} views bend edges"),
     };
@@ -89,13 +89,13 @@ fn edges(object: &Object) -> Vec<[u32; 2]> {
 fn most_bent(
     object: &Object,
     edges: &[[u32; 2]],
-    place: &DMat4,
+    transform: &DMat4,
     camera: &Camera,
 ) -> Result<f64, RenderError> {
     let [fx, fy, cx, cy] = camera.intrinsics;
     let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
-    let seen = camera.view * *place;
-    let points: Vec<_> = object.points().map(|point| seen.transform_point3(point)).collect();
+    let to_camera = camera.view * *transform;
+    let points: Vec<_> = object.points().map(|point| to_camera.transform_point3(point)).collect();
     let is_long = |&&[a, b]: &&[u32; 2]| {
         let [a, b] = [a, b].map(|k| points[k as usize]);
         let near = a.length_squared().min(b.length_squared());

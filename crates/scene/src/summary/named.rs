@@ -29,13 +29,13 @@ pub fn named_files(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<PathBu
     let path = path.as_ref();
     let kind = MeshKind::from_path(path)?;
     let bytes = folder.read(path)?;
-    let beside = path.parent().unwrap_or(Path::new(""));
-    let mut found = Found { folder, files: BTreeSet::new() };
+    let parent = path.parent().unwrap_or(Path::new(""));
+    let mut search = Search { folder, files: BTreeSet::new() };
     match kind {
         MeshKind::Obj => {
             for line in String::from_utf8_lossy(&bytes).lines() {
                 if let Some(names) = line.trim().strip_prefix("mtllib") {
-                    found.add_library(beside, names)?;
+                    search.add_library(parent, names)?;
                 }
             }
         }
@@ -44,7 +44,7 @@ pub fn named_files(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<PathBu
             let lines = header.lines().take_while(|line| line.trim() != "end_header");
             for line in lines {
                 if let Some((_, name)) = line.split_once("TextureFile") {
-                    found.add(beside, name)?;
+                    search.add(parent, name)?;
                 }
             }
         }
@@ -52,28 +52,28 @@ pub fn named_files(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<PathBu
             for uri in uris(&bytes) {
                 // Readers refuse what can't be unescaped.
                 let name = unescaped(&uri).unwrap_or(uri.as_bytes().into());
-                found.add(beside, &String::from_utf8_lossy(&name))?;
+                search.add(parent, &String::from_utf8_lossy(&name))?;
             }
         }
     }
-    Ok(found.files.into_iter().collect())
+    Ok(search.files.into_iter().collect())
 }
 
-struct Found<'f> {
+struct Search<'f> {
     folder: &'f Folder,
     files: BTreeSet<PathBuf>,
 }
 
-impl Found<'_> {
+impl Search<'_> {
     /// Adds the file called `name`; returns whether there is one.
-    fn add(&mut self, beside: &Path, name: &str) -> Result<bool, SceneError> {
+    fn add(&mut self, parent: &Path, name: &str) -> Result<bool, SceneError> {
         let name = name.trim().trim_matches('"');
         if name.is_empty() {
             return Ok(false);
         }
-        let path = beside.join(name.replace('\\', "/"));
+        let path = parent.join(name.replace('\\', "/"));
         let is_file = match self.folder.find(&path) {
-            Ok(found) => found.is_file(),
+            Ok(path) => path.is_file(),
             Err(SceneError::Read { .. }) => false,
             Err(error) => return Err(error),
         };
@@ -84,10 +84,10 @@ impl Found<'_> {
     }
 
     /// Adds the file that `text` names, perhaps before options; returns whether there is one.
-    fn add_before_options(&mut self, beside: &Path, text: &str) -> Result<bool, SceneError> {
-        let ends = text.match_indices(" -").map(|(at, _)| at).take(MOST_WORDS);
+    fn add_before_options(&mut self, parent: &Path, text: &str) -> Result<bool, SceneError> {
+        let ends = text.match_indices(" -").map(|(start, _)| start).take(MOST_WORDS);
         for end in [text.len()].into_iter().chain(ends) {
-            if self.add(beside, &text[..end])? {
+            if self.add(parent, &text[..end])? {
                 return Ok(true);
             }
         }
@@ -95,17 +95,17 @@ impl Found<'_> {
     }
 
     /// Adds a material file, or several, and the images that they name.
-    fn add_library(&mut self, beside: &Path, names: &str) -> Result<(), SceneError> {
-        let names = match self.add(beside, names)? {
+    fn add_library(&mut self, parent: &Path, names: &str) -> Result<(), SceneError> {
+        let names = match self.add(parent, names)? {
             true => vec![names.trim().trim_matches('"')],
             false => names.split_whitespace().collect(),
         };
         for name in names {
-            if !self.add(beside, name)? {
+            if !self.add(parent, name)? {
                 continue;
             }
-            let path = beside.join(name.replace('\\', "/"));
-            let beside = path.parent().unwrap_or(Path::new(""));
+            let path = parent.join(name.replace('\\', "/"));
+            let parent = path.parent().unwrap_or(Path::new(""));
             for line in String::from_utf8_lossy(&self.folder.read(&path)?).lines() {
                 let mut left = line.trim();
                 let keyword = left.split_whitespace().next().unwrap_or_default();
@@ -116,7 +116,7 @@ impl Found<'_> {
                 for _ in 0..MOST_WORDS {
                     let Some((_, rest)) = left.split_once(char::is_whitespace) else { break };
                     left = rest.trim_start();
-                    if self.add_before_options(beside, left)? {
+                    if self.add_before_options(parent, left)? {
                         break;
                     }
                 }

@@ -70,7 +70,7 @@ pub fn read_colmap(
     for Shot { rotation, translation, camera, name } in shots {
         let content =
             |message| SceneError::content(place.clone(), format!("image {name:?}: {message}"));
-        let Some(found) = cameras.get(&camera) else {
+        let Some(lens) = cameras.get(&camera) else {
             let rule = "an image has a camera of the file beside";
             return Err(content(format!("{rule}, and there is none of number {camera}")));
         };
@@ -86,7 +86,7 @@ pub fn read_colmap(
         let image =
             if folder.find(&image).is_err() && folder.find(&other).is_ok() { other } else { image };
         folder.find(&image)?;
-        let camera = found.with_rotation_and_translation(rotation / length, translation);
+        let camera = lens.with_rotation_and_translation(rotation / length, translation);
         if !camera.is_finite() {
             let rule = "a pose leads to finite places, and this is too extreme";
             return Err(content(format!("{rule}: {rotation} and {translation}")));

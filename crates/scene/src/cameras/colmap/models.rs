@@ -55,8 +55,8 @@ fn images(count: usize) -> String {
 
 /// The numbers that are names of folders in a folder, in ascending order.
 fn numbered(folder: &Folder, path: &Path) -> Vec<u32> {
-    let Ok(found) = folder.find(path) else { return Vec::new() };
-    let Ok(entries) = fs::read_dir(&found) else { return Vec::new() };
+    let Ok(folder_path) = folder.find(path) else { return Vec::new() };
+    let Ok(entries) = fs::read_dir(&folder_path) else { return Vec::new() };
     let names = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned());
     // As COLMAP writes them: without zeros before.
     let number =
@@ -73,20 +73,20 @@ pub(super) fn without_camera(folder: &Folder, path: &Path, views: &[NamedView]) 
         return None;
     }
     let known: HashSet<_> = views.iter().filter_map(|view| folder.find(&view.image).ok()).collect();
-    let mut found = Vec::new();
-    list(&folder.find(path).ok()?, DEEPEST, &mut found);
-    found.retain(|file| !known.contains(file));
-    found.sort_unstable();
+    let mut images = Vec::new();
+    list(&folder.find(path).ok()?, DEEPEST, &mut images);
+    images.retain(|file| !known.contains(file));
+    images.sort_unstable();
     let root = folder.find(path).ok()?;
-    let mut names: Vec<_> = found
+    let mut names: Vec<_> = images
         .iter()
         .take(MOST_NAMES)
         .map(|file| file.strip_prefix(&root).unwrap_or(file).display().to_string())
         .collect();
-    if let more @ 1.. = found.len().saturating_sub(MOST_NAMES) {
+    if let more @ 1.. = images.len().saturating_sub(MOST_NAMES) {
         names.push(format!("{more} more"));
     }
-    let message = match found.len() {
+    let message = match images.len() {
         0 => return None,
         1 => "1 image has no camera, and is left out".to_owned(),
         count => format!("{count} images have no camera, and are left out"),
@@ -95,14 +95,14 @@ pub(super) fn without_camera(folder: &Folder, path: &Path, views: &[NamedView]) 
 }
 
 /// Adds the images in a folder and in those inside it. Links to folders are not followed.
-fn list(path: &Path, depth: usize, found: &mut Vec<PathBuf>) {
+fn list(path: &Path, depth: usize, images: &mut Vec<PathBuf>) {
     let Ok(entries) = fs::read_dir(path) else { return };
     for entry in entries.flatten() {
         let (path, kind) = (entry.path(), entry.file_type());
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match kind {
-            Ok(kind) if kind.is_dir() && depth > 0 => list(&path, depth - 1, found),
-            Ok(kind) if kind.is_file() && IMAGES.contains(&&*ending) => found.push(path),
+            Ok(kind) if kind.is_dir() && depth > 0 => list(&path, depth - 1, images),
+            Ok(kind) if kind.is_file() && IMAGES.contains(&&*ending) => images.push(path),
             _ => (),
         }
     }

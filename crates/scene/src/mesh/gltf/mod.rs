@@ -114,7 +114,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     let mapped = materials::read(&mut file, &mut model)?;
     let poses = Poses::new(&nodes, &mut file)?;
     let geometries = primitives::read(&mut file, &mapped, &poses, &mut model)?;
-    poses.place(&nodes, &geometries, &mut model, &mut file)?;
+    poses.add_to_model(&nodes, &geometries, &mut model, &mut file)?;
     model.images = std::mem::take(&mut context.images);
     model.notes = std::mem::take(&mut context.notes).finish();
     Ok(model)

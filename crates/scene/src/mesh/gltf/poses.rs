@@ -53,7 +53,7 @@ impl Poses {
             let skin = match node.skin.map(|skin| skin.value()) {
                 None => None,
                 Some(skin) => Some(match skins.get(&skin) {
-                    Some(&found) => found,
+                    Some(&number) => number,
                     None => {
                         let world = world.get_or_insert_with(|| nodes.world());
                         poses.skins.push(Skin::new(skin, world, file)?);
@@ -104,7 +104,7 @@ impl Poses {
     }
 
     /// Places the geometry of each pose where the nodes have it.
-    pub(super) fn place(
+    pub(super) fn add_to_model(
         &self,
         nodes: &Nodes<'_>,
         geometries: &[Option<usize>],
@@ -112,21 +112,21 @@ impl Poses {
         file: &mut GltfFile<'_, '_>,
     ) -> Result<(), SceneError> {
         if nodes.root.nodes.is_empty() {
-            for (geometry, found) in model.geometries.iter().enumerate() {
-                let (name, transform) = (found.name.clone(), DMat4::IDENTITY);
+            for (geometry, drawn) in model.geometries.iter().enumerate() {
+                let (name, transform) = (drawn.name.clone(), DMat4::IDENTITY);
                 model.placed.push(Placed { name, geometry, transform });
             }
             return Ok(());
         }
-        let mut found = Vec::new();
+        let mut posed = Vec::new();
         nodes.walk(|number, matrix| {
             if let Some(pose) = self.of_nodes.get(&number).copied() {
                 // What a skin bends stands in the world.
                 let is_bent = self.all[pose].skin.is_some();
-                found.push((number, pose, if is_bent { DMat4::IDENTITY } else { matrix }));
+                posed.push((number, pose, if is_bent { DMat4::IDENTITY } else { matrix }));
             }
         });
-        for (number, pose, transform) in found {
+        for (number, pose, transform) in posed {
             if !transform.is_finite() {
                 let rule = "a node's matrix is finite";
                 return Err(file.error(format!("{rule}, and that of node {number} is not")));

@@ -99,9 +99,9 @@ pub(super) fn read(
         let mut drawn = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let posed = Posed { primitive, pose, skins: &poses.skins };
-            let found = Drawn::new(posed, index, mapped, file);
+            let primitives_drawn = Drawn::new(posed, index, mapped, file);
             drawn.extend(
-                found
+                primitives_drawn
                     .map_err(|error| in_mesh(error, number, Some(k)))?
                     .map(|primitive| (k, primitive)),
             );

@@ -102,11 +102,11 @@ impl Parts {
                 Some("usemtl") => {
                     let name = name(rest(&line, "usemtl"));
                     let next = parts.materials.len();
-                    let found = *by_name.entry(name.clone()).or_insert(next);
-                    if found == next {
+                    let index = *by_name.entry(name.clone()).or_insert(next);
+                    if index == next {
                         parts.materials.push(name);
                     }
-                    material = Some(found);
+                    material = Some(index);
                 }
                 Some("mtllib") => parts.libraries.push(rest(&line, "mtllib").to_owned()),
                 Some("p") => context.notes.add("points were left out"),

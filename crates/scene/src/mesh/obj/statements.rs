@@ -58,7 +58,7 @@ where
     let mut count = 0;
     // A comment may follow what a line says.
     for word in words.take_while(|word| !word.starts_with('#')) {
-        let found = match word.parse::<T>() {
+        let value = match word.parse::<T>() {
             // In the end they are those of `f32`.
             Ok(number) if (number.into() as f32).is_finite() => number,
             _ => {
@@ -70,7 +70,7 @@ where
             let message = format!("{what} has at most {N} numbers, and there are more");
             return Err(SceneError::content(place(), message));
         };
-        *number = found;
+        *number = value;
         count += 1;
     }
     Ok((numbers, count))

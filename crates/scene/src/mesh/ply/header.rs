@@ -126,25 +126,25 @@ impl Header {
             // Comments are in any encoding.
             let line = String::from_utf8_lossy(&left[..length]);
             let mut words = line.split_whitespace();
-            let found = match words.next() {
+            let result = match words.next() {
                 Some("end_header") => break,
                 Some("format") => match Self::encoding(&line) {
-                    Ok(found) => {
-                        encoding = Some(found);
+                    Ok(value) => {
+                        encoding = Some(value);
                         Ok(())
                     }
-                    Err(found) => Err(found),
+                    Err(message) => Err(message),
                 },
-                Some("element") => Element::parse(words).and_then(|parse| {
-                    let found = is_new(&mut names, 0, &parse.name, "elements");
-                    elements.push(parse);
-                    found
+                Some("element") => Element::parse(words).and_then(|element| {
+                    let result = is_new(&mut names, 0, &element.name, "elements");
+                    elements.push(element);
+                    result
                 }),
-                Some("property") => Property::parse(words).and_then(|parse| {
-                    let found = is_new(&mut names, elements.len(), &parse.name, "properties");
+                Some("property") => Property::parse(words).and_then(|property| {
+                    let result = is_new(&mut names, elements.len(), &property.name, "properties");
                     let rule = "a property follows its element, and this has none";
-                    elements.last_mut().ok_or(rule)?.properties.push(parse);
-                    found
+                    elements.last_mut().ok_or(rule)?.properties.push(property);
+                    result
                 }),
                 Some("comment") => {
                     let text = line.trim_start()["comment".len()..].trim();
@@ -160,7 +160,7 @@ impl Header {
                     Err(format!("{rule}, and this begins with {:?}", name(other)))
                 }
             };
-            found.map_err(|message| context.error_in(lines, message))?;
+            result.map_err(|message| context.error_in(lines, message))?;
         }
         let Some(encoding) = encoding else {
             let rule = "a header has a line that begins with format";

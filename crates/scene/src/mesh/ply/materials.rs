@@ -49,7 +49,7 @@ impl Materials {
         let [roughness, metallic, image] =
             ["roughness", "metallic", "texnumber"].map(|value| named.scalars(&[[value]]));
         named.note_others(context);
-        let (mut found, mut colors) = (Vec::new(), Vec::new());
+        let (mut rows_read, mut colors) = (Vec::new(), Vec::new());
         rows.read(element, context, |row, number| {
             let share =
                 |value: Option<[usize; 1]>, what, usual| match value.map(|k| row.scalars(k)[0]) {
@@ -60,7 +60,7 @@ impl Materials {
                     )),
                 };
             colors.extend(color.map(|(value, _)| row.scalars(value).map(|x| x as f32)));
-            found.push(Described {
+            rows_read.push(Described {
                 color: [1.0; 3],
                 roughness: share(roughness, "roughness", 1.0)?,
                 metallic: share(metallic, "metallic", 0.0)?,
@@ -73,11 +73,11 @@ impl Materials {
         })?;
         if let Some((_, written)) = color {
             let linear = colors::linear(colors, written, ColorSpace::Srgb, &mut context.notes);
-            for (value, color) in found.iter_mut().zip(linear) {
+            for (value, color) in rows_read.iter_mut().zip(linear) {
                 value.color = color;
             }
         }
-        self.rows = Some(found);
+        self.rows = Some(rows_read);
         Ok(())
     }
 
@@ -101,9 +101,9 @@ impl Materials {
         };
         let material = |(number, row): (usize, Described)| {
             let Described { color: [red, green, blue], roughness, metallic, image } = row;
-            let found = match image.map(|image| images.get(image)) {
+            let map = match image.map(|image| images.get(image)) {
                 None => None,
-                Some(Some(found)) => *found,
+                Some(Some(map)) => *map,
                 Some(None) => {
                     let count = images.len();
                     let rule = format!("the file names {count} images, and material {number} has");
@@ -113,7 +113,7 @@ impl Materials {
             };
             Ok(MaterialFile {
                 base_color: [red, green, blue, 1.0],
-                base_color_map: base_color_map(found, image.is_some()),
+                base_color_map: base_color_map(map, image.is_some()),
                 metallic,
                 roughness,
                 ..MaterialFile::default()

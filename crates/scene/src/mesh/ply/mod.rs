@@ -85,13 +85,13 @@ struct Contents {
 pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
     let header = Header::read(bytes, context)?;
     let is_surface = |element: &&Element| matches!(&*element.name, "face" | "tristrips");
-    let found = match header.elements.iter().filter(is_surface).map(|element| element.count).max() {
+    let fault = match header.elements.iter().filter(is_surface).map(|element| element.count).max() {
         None => Some("a mesh has the element face, and this has none: it is a cloud of points"),
         Some(0) => Some("a mesh has faces, and this has 0"),
         Some(_) => None,
     };
-    if let Some(found) = found {
-        return Err(context.error(found));
+    if let Some(fault) = fault {
+        return Err(context.error(fault));
     }
     let (mut contents, mut rows) = (Contents::default(), Rows::after(&header, bytes));
     let mut materials = Materials::default();
@@ -259,7 +259,7 @@ impl Contents {
                     self.polygon_faces.push([number as u32; 3]);
                 }
             }
-            let coordinates = coordinates.map_or(&[][..], |list| row.list(list));
+            let coordinates = coordinates.map_or(&[][..], |property| row.list(property));
             self.add_coordinates(coordinates, corners.len(), number)
         })?;
         self.polygon_colors = color.map(|(_, written)| (written, colors));
@@ -307,7 +307,7 @@ impl Contents {
         named.note_others(context);
         self.has_bare_faces |= element.count > 0;
         rows.read(element, context, |row, number| {
-            for strip in row.list(vertices).split(|&list| list == -1.0) {
+            for strip in row.list(vertices).split(|&vertex| vertex == -1.0) {
                 let mut last = [0; 2];
                 for (k, &value) in strip.iter().enumerate() {
                     let value = vertex(value, "strip", number)?;
@@ -326,7 +326,8 @@ impl Contents {
     /// Refuses faces that name vertices beyond the last, cuts polygons, and brings numbers into their form.
     fn finish(&mut self, context: &mut MeshContext<'_>) -> Result<(), SceneError> {
         let count = self.positions.len();
-        if let Some(vertex) = self.faces.iter().flatten().find(|&&face| face as usize >= count) {
+        if let Some(vertex) = self.faces.iter().flatten().find(|&&vertex| vertex as usize >= count)
+        {
             let message =
                 format!("the file has {count} vertices, and a face names vertex {vertex}");
             return Err(context.error(message));

@@ -53,19 +53,22 @@ impl<'e> Named<'e> {
 
     /// The list with the first of these names that there is.
     pub(super) fn list(&mut self, names: &[&str]) -> Option<usize> {
-        let found = names.iter().find_map(|name| self.find(true, name))?;
-        self.is_read[found] = true;
-        Some(found)
+        let property = names.iter().find_map(|name| self.find(true, name))?;
+        self.is_read[property] = true;
+        Some(property)
     }
 
     /// The numbers with the first of these sets of names that is there as a whole.
     pub(super) fn scalars<const N: usize>(&mut self, sets: &[[&str; N]]) -> Option<[usize; N]> {
-        let found = sets.iter().find_map(|names| {
-            let found = names.map(|names| self.find(false, names));
-            found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
+        let properties = sets.iter().find_map(|names| {
+            let properties = names.map(|names| self.find(false, names));
+            properties
+                .iter()
+                .all(Option::is_some)
+                .then(|| properties.map(Option::unwrap_or_default))
         })?;
-        found.iter().for_each(|&property| self.is_read[property] = true);
-        Some(found)
+        properties.iter().for_each(|&property| self.is_read[property] = true);
+        Some(properties)
     }
 
     /// Colours, and how they are written; nothing where their types differ, which is noted.
@@ -237,16 +240,16 @@ fn parse_number(word: &[u8], number: Number, property: &str) -> Result<f64, Stri
         let found = name(&String::from_utf8_lossy(word));
         Err(format!("has {rule} as {:?}, and {found:?} is none", name(property)))
     };
-    let found = match text.parse::<f64>() {
-        Ok(found) => found,
+    let value = match text.parse::<f64>() {
+        Ok(value) => value,
         Err(_) if is_odd_nan(text) => f64::NAN,
         Err(_) => return refused("a number"),
     };
     match number.range() {
-        Some([least, most]) if found.fract() != 0.0 || !(least..=most).contains(&found) => {
+        Some([least, most]) if value.fract() != 0.0 || !(least..=most).contains(&value) => {
             refused(&format!("a whole number from {least} to {most}"))
         }
-        _ => Ok(found),
+        _ => Ok(value),
     }
 }
 
