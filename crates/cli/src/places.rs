@@ -115,7 +115,7 @@ fn same(option: &str, other: &str, file: &Path) -> Failure {
 #[cfg(unix)]
 fn is_device(path: &Path) -> bool {
     use std::os::unix::fs::FileTypeExt as _;
-    std::fs::metadata(path).is_ok_and(|found| found.file_type().is_char_device())
+    std::fs::metadata(path).is_ok_and(|metadata| metadata.file_type().is_char_device())
 }
 
 #[cfg(not(unix))]

@@ -38,11 +38,11 @@ pub(crate) fn plan(request: &CubeRequest<'_>) -> Result<Vec<Planned>, Failure> {
         return Ok(vec![planned(settings)]);
     }
     let Some(seeds) = seeds else {
-        let of = |preset| {
+        let settings_of_preset = |preset| {
             SIGMAS
                 .map(|sigma_target| CubeSettings { sigma_target, ..new(Experiment::Joint, preset) })
         };
-        let both = [Preset::Paper, Preset::Tuned].into_iter().flat_map(of);
+        let both = [Preset::Paper, Preset::Tuned].into_iter().flat_map(settings_of_preset);
         return Ok(both.map(planned).collect());
     };
     let others = alternatives(common.steps()).into_iter();

@@ -65,17 +65,17 @@ impl Bar {
     }
 
     /// Shows a step, or passes it over if the last one shown is recent.
-    pub(crate) fn step(&mut self, at: &Progress) {
+    pub(crate) fn step(&mut self, progress: &Progress) {
         let Some(bar) = &self.bar else { return };
-        self.spent = (self.spent.0 + at.ms, self.spent.1 + 1);
+        self.spent = (self.spent.0 + progress.ms, self.spent.1 + 1);
         let now = Instant::now();
         if now - self.drawn < Duration::from_secs(1) / PER_SECOND {
             return;
         }
         let ms = self.spent.0 / f64::from(self.spent.1);
         (self.drawn, self.spent) = (now, (0.0, 0));
-        bar.set_message(message(at, ms));
-        bar.set_position(self.before + self.cost * at.step);
+        bar.set_message(message(progress, ms));
+        bar.set_position(self.before + self.cost * progress.step);
     }
 
     /// Ends a fit of `steps` updates.
@@ -103,15 +103,15 @@ impl Bar {
 }
 
 /// A step in words, of a width that hardly changes.
-fn message(at: &Progress, ms: f64) -> String {
-    let error = match (at.vertex_error, at.sigma) {
+fn message(progress: &Progress, ms: f64) -> String {
+    let error = match (progress.vertex_error, progress.sigma) {
         (Some(error), _) => format!("  error {error:.1e}"),
         (None, Some(sigma)) => format!("  sigma {sigma:.4}"),
         (None, None) => String::new(),
     };
-    let steps = at.steps.to_string();
-    let (step, width) = (at.step, steps.len());
-    format!("step {step:>width$}/{steps}  loss {:.1e}{error}  {ms:.3} ms/step", at.loss)
+    let steps = progress.steps.to_string();
+    let (step, width) = (progress.step, steps.len());
+    format!("step {step:>width$}/{steps}  loss {:.1e}{error}  {ms:.3} ms/step", progress.loss)
 }
 
 /// A fit in a few words, the `number`-th of `count`.

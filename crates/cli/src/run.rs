@@ -89,8 +89,8 @@ fn fit_all(
     let mut report = Report::new(about("bokashi"));
     let (mut json, mut failures) = (None, Vec::new());
     let mut bar = Bar::new(plan, quiet);
-    for (at, planned) in plan.iter().enumerate() {
-        let (settings, name) = (&planned.settings, name(planned, at + 1, plan.len()));
+    for (index, planned) in plan.iter().enumerate() {
+        let (settings, name) = (&planned.settings, name(planned, index + 1, plan.len()));
         bar.begin(settings, &name);
         let outcome = run_cube_saving(settings, &saving, &mut |progress| {
             bar.step(&progress);

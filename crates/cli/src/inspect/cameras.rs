@@ -70,11 +70,11 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
         let numbers = camera.intrinsics.iter().chain(camera.distortion.coefficients());
         let bits: Vec<u64> = numbers.map(|number| (number + 0.0).to_bits()).collect();
         let next = lenses.len();
-        let at = *seen.entry((camera.size.width, camera.size.height, bits)).or_insert(next);
-        if at == next {
+        let index = *seen.entry((camera.size.width, camera.size.height, bits)).or_insert(next);
+        if index == next {
             lenses.push((*camera, 0));
         }
-        lenses[at].1 += 1;
+        lenses[index].1 += 1;
     }
     for (camera, total) in lenses {
         let mut section = Section::new(count(total, "camera"));
@@ -142,14 +142,14 @@ pub(super) fn same_places(names: &[&str], cameras: &[Camera]) -> Option<String> 
     let unit = if scale > 0.0 { SAME_PLACE * scale } else { 1.0 };
     // Where a camera stands and how it is turned, in whole units of what counts as one place.
     let key = |camera: &Camera| {
-        let place = eye(camera).to_array().map(|x| x / unit);
+        let position = eye(camera).to_array().map(|x| x / unit);
         let turn = DMat3::from_mat4(camera.view).to_cols_array().map(|x| x / SAME_PLACE);
-        (place.map(|x| x.round() as i64), turn.map(|x| x.round() as i64))
+        (position.map(|x| x.round() as i64), turn.map(|x| x.round() as i64))
     };
     let keys: Vec<_> = cameras.iter().map(key).collect();
     let mut counts = HashMap::new();
     keys.iter().for_each(|key| *counts.entry(key).or_insert(0_usize) += 1);
-    let twins: Vec<_> = (0..keys.len()).filter(|&at| counts[&keys[at]] > 1).collect();
+    let twins: Vec<_> = (0..keys.len()).filter(|&index| counts[&keys[index]] > 1).collect();
     let (first, second) = (twins.first()?, twins.get(1)?);
     let rule = "cameras of different images stand in different places";
     let (first, second) = (names[*first], names[*second]);

@@ -81,13 +81,13 @@ fn add_masks(section: &mut Section, picture: &Picture, place: &Place) {
 
 /// The least and the largest sample of a channel, as the file has them.
 fn bounds(picture: &Picture, channel: usize) -> [f64; 2] {
-    fn of<S: Copy + Into<f64>>(samples: &[S], first: usize, step: usize) -> [f64; 2] {
+    fn extent_of<S: Copy + Into<f64>>(samples: &[S], first: usize, step: usize) -> [f64; 2] {
         let samples = samples.iter().skip(first).step_by(step).map(|&sample| sample.into());
         samples.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
     }
     match &picture.samples {
-        Samples::U8(samples) => of(samples, channel, picture.channels),
-        Samples::U16(samples) => of(samples, channel, picture.channels),
-        Samples::F32(samples) => of(samples, channel, picture.channels),
+        Samples::U8(samples) => extent_of(samples, channel, picture.channels),
+        Samples::U16(samples) => extent_of(samples, channel, picture.channels),
+        Samples::F32(samples) => extent_of(samples, channel, picture.channels),
     }
 }

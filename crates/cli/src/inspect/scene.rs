@@ -95,10 +95,10 @@ fn inspect_object(object: &Object) -> Section {
     let points = object.positions.data().chunks_exact(3);
     let points = points.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
     let places = object.places.iter();
-    let all = places.flat_map(|place| points.clone().map(|p| place.transform_point3(p)));
+    let all = places.flat_map(|transform| points.clone().map(|p| transform.transform_point3(p)));
     let extent = all.map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
-    for (label, at) in ["least", "largest"].into_iter().zip(extent.into_iter().flatten()) {
-        section.fact(label, numbers(at.to_array()), json!(at.to_array()));
+    for (label, corner) in ["least", "largest"].into_iter().zip(extent.into_iter().flatten()) {
+        section.fact(label, numbers(corner.to_array()), json!(corner.to_array()));
     }
     let materials =
         object.materials.iter().map(|material| inspect_material(&mut section, object, material));
@@ -116,14 +116,14 @@ fn inspect_material(
     object: &Object,
     material: &SurfaceMaterial,
 ) -> serde_json::Value {
-    let of = |label: &str| match object.materials.len() {
+    let labelled = |label: &str| match object.materials.len() {
         1 => label.to_owned(),
         _ => format!("{label} of {:?}", material.name),
     };
     let mut value = json!({ "name": material.name, "faces": material.faces.len() });
     if material.texture.texels.is_none() {
         let color = material.base_color;
-        section.fact(of("base colour"), numbers(color.map(f64::from)), json!(color));
+        section.fact(labelled("base colour"), numbers(color.map(f64::from)), json!(color));
         value["base_color"] = json!(color);
     }
     let maps = [
@@ -134,7 +134,11 @@ fn inspect_material(
     for (label, map) in maps {
         if let Some(texels) = &map.texels {
             let [height, width] = [texels.shape()[0], texels.shape()[1]];
-            section.fact(of(label), format!("{width} x {height} texels"), json!([width, height]));
+            section.fact(
+                labelled(label),
+                format!("{width} x {height} texels"),
+                json!([width, height]),
+            );
             value[label] = json!([width, height]);
         }
     }

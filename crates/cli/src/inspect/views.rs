@@ -73,8 +73,9 @@ pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
         let blind = (0..views.len()).filter(is_blind);
         findings.all_of_a_kind(blind.map(|k| format!("view {:?}: {rule}", name(k))));
     }
-    let unseen = scene.objects.iter().enumerate().filter(|(at, _)| {
-        !views.is_empty() && inspected.iter().all(|inspected| inspected.seen.get(*at) == Some(&0.0))
+    let unseen = scene.objects.iter().enumerate().filter(|(index, _)| {
+        !views.is_empty()
+            && inspected.iter().all(|inspected| inspected.seen.get(*index) == Some(&0.0))
     });
     let rule = "it lies in front of no camera and inside no image";
     findings.all_of_a_kind(unseen.map(|(_, entry)| format!("object {:?}: {rule}", entry.name)));

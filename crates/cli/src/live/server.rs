@@ -263,7 +263,7 @@ fn state(query: &str, now: &Published) -> Answer {
 
 /// `/view/3/target.png` is the target of the fourth view.
 fn picture(path: &str, now: &Published) -> Option<Answer> {
-    let (at, file) = path.strip_prefix("/view/")?.split_once('/')?;
-    let file = now.picture(at.parse().ok()?, file.strip_suffix(".png")?)?;
+    let (index, file) = path.strip_prefix("/view/")?.split_once('/')?;
+    let file = now.picture(index.parse().ok()?, file.strip_suffix(".png")?)?;
     Some(Answer::ok("image/png", file))
 }

@@ -74,8 +74,8 @@ impl Published {
     fn after(last: &Self, snapshot: Snapshot) -> Self {
         let version = last.version + 1;
         let before = last.snapshot.as_ref();
-        let views = snapshot.views.iter().enumerate().map(|(at, new)| {
-            let old = before.and_then(|before| before.views.get(at)).zip(last.views.get(at));
+        let views = snapshot.views.iter().enumerate().map(|(index, new)| {
+            let old = before.and_then(|before| before.views.get(index)).zip(last.views.get(index));
             let (new, old) = (files(new), old.map(|(view, since)| (files(view), since)));
             std::array::from_fn(|part| {
                 let old = old.map(|(files, since)| (files[part], since[part]));
@@ -98,9 +98,9 @@ impl Published {
         self.version
     }
 
-    /// A PNG file of the view `at`: its `picture`, `target` or `difference`.
-    pub(super) fn picture(&self, at: usize, part: &str) -> Option<Arc<[u8]>> {
-        let view = self.snapshot.as_ref()?.views.get(at)?;
+    /// A PNG file of the view `index`: its `picture`, `target` or `difference`.
+    pub(super) fn picture(&self, index: usize, part: &str) -> Option<Arc<[u8]>> {
+        let view = self.snapshot.as_ref()?.views.get(index)?;
         let part = ["picture", "target", "difference"].iter().position(|name| *name == part)?;
         Some(Arc::clone(files(view)[part]))
     }
@@ -165,7 +165,7 @@ fn thinned(curve: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let low = all().min_by(|a, b| a.1.1.total_cmp(&b.1.1));
         let high = all().max_by(|a, b| a.1.1.total_cmp(&b.1.1));
         // Where no value is finite, the first stands for the gap.
-        let (low, high) = (low.map_or(0, |(at, _)| at), high.map_or(0, |(at, _)| at));
+        let (low, high) = (low.map_or(0, |(index, _)| index), high.map_or(0, |(index, _)| index));
         thin.push(points[low.min(high)]);
         if low != high {
             thin.push(points[low.max(high)]);

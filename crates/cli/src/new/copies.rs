@@ -129,24 +129,25 @@ impl<'d> Copies<'d> {
         }
         let mut taken = None;
         self.all.retain(|to, from| {
-            let place = self.folder.join(to);
-            if fs::symlink_metadata(&place).is_err() {
+            let target = self.folder.join(to);
+            if fs::symlink_metadata(&target).is_err() {
                 return true;
             }
-            let is_itself = |from: &Path| fs::canonicalize(&place).is_ok_and(|place| place == from);
+            let is_itself =
+                |from: &Path| fs::canonicalize(&target).is_ok_and(|target| target == from);
             let is_same = matches!(from, Origin::Copy(from) if is_itself(from))
-                || fs::read(&place)
+                || fs::read(&target)
                     .is_ok_and(|there| from.bytes().is_ok_and(|bytes| bytes == there));
             if !is_same {
-                taken.get_or_insert(place);
+                taken.get_or_insert(target);
             }
             !is_same
         });
         match taken {
             None => Ok(()),
-            Some(place) => {
+            Some(target) => {
                 let rule = "new needs a folder without other files where copies go";
-                Err(Failure::Use(format!("{rule}, and {} is there", place.display())))
+                Err(Failure::Use(format!("{rule}, and {} is there", target.display())))
             }
         }
     }

@@ -26,14 +26,14 @@ impl<'d> Made<'d> {
     /// # Errors
     /// [`Failure::Work`] where the file system refuses, and where a link leads out of the folder.
     pub(super) fn write(&mut self, path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), Failure> {
-        let place = self.folder.join(path.as_ref());
+        let target = self.folder.join(path.as_ref());
         let is_missing = |path: &&Path| fs::symlink_metadata(path).is_err();
-        let above: Vec<_> = place.ancestors().skip(1).take_while(is_missing).collect();
+        let above: Vec<_> = target.ancestors().skip(1).take_while(is_missing).collect();
         self.folders.extend(above.iter().rev().map(|&path| path.to_owned()));
-        if is_missing(&&*place) {
-            self.files.push(place.clone());
+        if is_missing(&&*target) {
+            self.files.push(target.clone());
         }
-        let failed = |error| Failure::Work(format!("{}: {error}", place.display()));
+        let failed = |error| Failure::Work(format!("{}: {error}", target.display()));
         write_below(self.folder, path, bytes).map(drop).map_err(failed)
     }
 

@@ -40,7 +40,7 @@ impl Start {
     ///
     /// # Errors
     /// What is wrong with its files.
-    pub(super) fn of(mesh: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
+    pub(super) fn read(mesh: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
         let folder = Folder::new(mesh.parent().unwrap_or(Path::new("")))?;
         let name = mesh.file_name().map_or(mesh, Path::new);
         let model = read_model(&folder, name)?;

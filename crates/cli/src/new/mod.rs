@@ -47,7 +47,7 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     check_folder(folder).map_err(failed)?;
     let failed = |error: SceneError| Failure::Work(error.to_string());
     let mut copies = Copies::new(folder);
-    let start = arguments.from.as_deref().map(|mesh| Start::of(mesh, &mut copies));
+    let start = arguments.from.as_deref().map(|mesh| Start::read(mesh, &mut copies));
     let start = start.transpose().map_err(failed)?;
     let photographs = arguments.images.as_deref();
     let photographs = photographs.map(|images| Photographs::read(images, &mut copies));

@@ -76,7 +76,7 @@ impl Photographs {
         let Cameras { transforms, model, images: of_model, views, notes: of_cameras } =
             Cameras::read(&folder)?;
         let has_cameras = transforms.is_some() || model.is_some();
-        let listed = Listed::of(&folder)?;
+        let listed = Listed::read(&folder)?;
         let mut notes: Vec<_> = listed.left_out().into_iter().collect();
         let files: Vec<_> = match has_cameras {
             true => views.iter().map(|view| view.image.clone()).collect(),
@@ -158,15 +158,15 @@ impl Photographs {
         copies: &mut Copies<'_>,
     ) -> Result<(), SceneError> {
         let masks = Path::new("masks");
-        if !folder.find(masks).is_ok_and(|found| found.is_dir()) {
+        if !folder.find(masks).is_ok_and(|path| path.is_dir()) {
             for mask in named.iter().flatten() {
                 copies.add(folder, mask, home)?;
             }
             self.has_named_masks = named.is_some_and(|masks| !masks.is_empty());
             return Ok(());
         }
-        let found: Vec<_> = files.iter().map(|file| find_mask(folder, masks, file)).collect();
-        let missing = found.iter().filter(|mask| mask.is_none()).count();
+        let masks_found: Vec<_> = files.iter().map(|file| find_mask(folder, masks, file)).collect();
+        let missing = masks_found.iter().filter(|mask| mask.is_none()).count();
         if missing > 0 {
             let rule = "masks count where each image has one";
             let all = files.len();
@@ -174,8 +174,8 @@ impl Photographs {
             self.notes.push(note);
             return Ok(());
         }
-        let mut added = Vec::with_capacity(found.len());
-        for mask in found.iter().flatten() {
+        let mut added = Vec::with_capacity(masks_found.len());
+        for mask in masks_found.iter().flatten() {
             added.push(match is_turned(folder, mask)? {
                 true if matches!(self.source, Source::Nowhere) => {
                     copies.add_upright(folder, mask, home)?
@@ -221,7 +221,7 @@ struct Listed {
 }
 
 impl Listed {
-    fn of(folder: &Folder) -> Result<Self, SceneError> {
+    fn read(folder: &Folder) -> Result<Self, SceneError> {
         let mut listed = Self::default();
         listed.add(folder, Path::new(""))?;
         listed.images.sort();
@@ -230,10 +230,10 @@ impl Listed {
 
     /// Adds what is in the folder `inside`. Links to folders are not followed.
     fn add(&mut self, folder: &Folder, inside: &Path) -> Result<(), SceneError> {
-        let place = folder.join(inside);
-        let place = if place.as_os_str().is_empty() { folder.path().to_owned() } else { place };
-        let failed = |error| SceneError::Read { path: place.clone(), error };
-        for entry in fs::read_dir(&place).map_err(failed)? {
+        let listed = folder.join(inside);
+        let listed = if listed.as_os_str().is_empty() { folder.path().to_owned() } else { listed };
+        let failed = |error| SceneError::Read { path: listed.clone(), error };
+        for entry in fs::read_dir(&listed).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let (name, kind) = (entry.file_name(), entry.file_type().map_err(failed)?);
             let (path, name) = (inside.join(&name), name.to_string_lossy().to_lowercase());
@@ -252,7 +252,7 @@ impl Listed {
             } else if OTHERS.contains(&&*ending) || RAW.contains(&&*ending) {
                 // As it is written: a shell minds capitals.
                 let ending = path.extension().unwrap_or_default().to_string_lossy();
-                *self.others.entry((ending.into_owned(), place.clone())).or_default() += 1;
+                *self.others.entry((ending.into_owned(), listed.clone())).or_default() += 1;
             }
         }
         Ok(())
@@ -275,9 +275,9 @@ impl Listed {
             kinds.collect::<Vec<_>>().join(", ")
         );
         if !others.is_empty() {
-            let files = others.iter().map(|(ending, place)| {
-                let place = shell_word(place);
-                format!("{}/*.{ending}", place.trim_end_matches('/'))
+            let files = others.iter().map(|(ending, path)| {
+                let path = shell_word(path);
+                format!("{}/*.{ending}", path.trim_end_matches('/'))
             });
             let files = files.collect::<Vec<_>>().join(" ");
             message += &format!("; ImageMagick makes PNGs: magick mogrify -format png {files}");
@@ -347,7 +347,7 @@ impl Cameras {
         let transforms = TRANSFORMS.into_iter().map(Path::new).find(is_there);
         let (model, several) =
             find_model(folder).map_or((None, None), |(path, note)| (Some(path), note));
-        let images = match folder.find("images").is_ok_and(|found| found.is_dir()) {
+        let images = match folder.find("images").is_ok_and(|path| path.is_dir()) {
             true => Path::new("images"),
             false => Path::new(""),
         };

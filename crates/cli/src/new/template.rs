@@ -317,10 +317,10 @@ fn vector(v: DVec3) -> String {
 }
 
 /// A place, to a millionth of what is seen around it.
-fn rounded(place: DVec3, radius: f64) -> DVec3 {
+fn rounded(point: DVec3, radius: f64) -> DVec3 {
     let unit = 1e-6 * radius;
-    let rounded = (place / unit).round() * unit;
-    if rounded.is_finite() { rounded } else { place }
+    let rounded = (point / unit).round() * unit;
+    if rounded.is_finite() { rounded } else { point }
 }
 
 /// The lines as comments.

@@ -19,9 +19,9 @@ impl Run {
         let name = format!("{} (seed {})", self.sample.name, self.seed);
         match &self.result {
             Err(error) => format!("{name:22} {error}\n"),
-            Ok(found) => found.iter().fold(String::new(), |mut lines, found| {
+            Ok(outcomes) => outcomes.iter().fold(String::new(), |mut lines, outcome| {
                 // Writing to a string cannot fail.
-                let _ = writeln!(lines, "{name:22} {found}");
+                let _ = writeln!(lines, "{name:22} {outcome}");
                 lines
             }),
         }
@@ -29,20 +29,20 @@ impl Run {
 
     /// The figures as JSON objects; a run that failed has none.
     pub(super) fn json(&self) -> impl Iterator<Item = Value> + '_ {
-        self.result.iter().flatten().map(|found| {
-            let goal = match found.goal {
+        self.result.iter().flatten().map(|outcome| {
+            let goal = match outcome.goal {
                 Goal::None => Value::Null,
                 goal => goal.to_string().into(),
             };
             json!({
                 "sample": self.sample.name,
                 "seed": self.seed,
-                "metric": found.metric,
-                "value": found.value,
+                "metric": outcome.metric,
+                "value": outcome.value,
                 "goal": goal,
-                "pass": found.passes(),
-                "steps": found.steps,
-                "seconds": found.seconds,
+                "pass": outcome.passes(),
+                "steps": outcome.steps,
+                "seconds": outcome.seconds,
             })
         })
     }

@@ -41,8 +41,8 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
     for sample in SAMPLES.iter().filter(is_asked) {
         for seed in (arguments.first_seed..).take(arguments.seeds as usize) {
             let silhouettes = arguments.silhouettes.unwrap_or(sample.silhouettes);
-            let asked = Asked { seed, silhouettes, most_steps: arguments.steps };
-            let result = (sample.run)(&asked).map_err(|error| one_line(&error.to_string()));
+            let options = Asked { seed, silhouettes, most_steps: arguments.steps };
+            let result = (sample.run)(&options).map_err(|error| one_line(&error.to_string()));
             let run = Run { sample: *sample, seed, silhouettes, result };
             if speaks {
                 say(&run.lines())?;

@@ -40,13 +40,14 @@ pub(super) fn page(runs: &[Run]) -> Result<Document, ReportError> {
 fn panels(runs: &[Run]) -> Vec<Figure> {
     let all = || runs.iter().flat_map(|run| run.result.iter().flatten());
     let mut metrics: Vec<&str> = Vec::new();
-    for found in all().filter(|found| found.curve.len() > 1) {
-        if !metrics.contains(&&*found.metric) {
-            metrics.push(&found.metric);
+    for outcome in all().filter(|outcome| outcome.curve.len() > 1) {
+        if !metrics.contains(&&*outcome.metric) {
+            metrics.push(&outcome.metric);
         }
     }
     let panel = |metric: &str| {
-        let curves = || all().filter(|found| found.metric == metric).map(|found| &found.curve);
+        let curves =
+            || all().filter(|outcome| outcome.metric == metric).map(|outcome| &outcome.curve);
         let positive = curves().flatten().all(|&(_, value)| value >= 0.0);
         let is_logarithmic = positive && !metric.contains("PSNR");
         let y = if is_logarithmic { Scale::Logarithmic } else { Scale::Linear };
@@ -65,29 +66,29 @@ fn table(runs: &[Run]) -> Table {
             Err(error) => {
                 table.push(vec![Cell::Count(run.seed as usize), Cell::Flagged(error.clone())]);
             }
-            Ok(found) => found.iter().for_each(|found| table.push(row(run, found))),
+            Ok(outcomes) => outcomes.iter().for_each(|outcome| table.push(row(run, outcome))),
         }
     }
     table
 }
 
-fn row(run: &Run, found: &Found) -> Vec<Cell> {
-    let value = Cell::number(found.value);
+fn row(run: &Run, outcome: &Found) -> Vec<Cell> {
+    let value = Cell::number(outcome.value);
     vec![
         Cell::Count(run.seed as usize),
-        Cell::text(&found.metric),
-        if found.passes() { value } else { value.flagged() },
-        Cell::text(found.goal.to_string()),
-        Cell::Count(found.steps as usize),
-        Cell::Time(found.seconds),
+        Cell::text(&outcome.metric),
+        if outcome.passes() { value } else { value.flagged() },
+        Cell::text(outcome.goal.to_string()),
+        Cell::Count(outcome.steps as usize),
+        Cell::Time(outcome.seconds),
     ]
 }
 
 /// The pictures of the first run that has any.
 fn pictures(runs: &[Run]) -> Result<Vec<Captioned>, ReportError> {
-    let all = |run: &Run| run.result.iter().flatten().any(|found| !found.pictures.is_empty());
-    let found = runs.iter().find(|run| all(run)).and_then(|run| run.result.as_ref().ok());
-    let pictures = found.into_iter().flatten().flat_map(|found| &found.pictures);
+    let all = |run: &Run| run.result.iter().flatten().any(|outcome| !outcome.pictures.is_empty());
+    let outcomes = runs.iter().find(|run| all(run)).and_then(|run| run.result.as_ref().ok());
+    let pictures = outcomes.into_iter().flatten().flat_map(|outcome| &outcome.pictures);
     let captioned = |(name, image): &(_, _)| {
         let address = data_uri(&png(&enlarged(&picture_of(image)?, PICTURE_HEIGHT))?);
         let [caption, spoken] = [name, name].map(String::from);

@@ -53,7 +53,7 @@ impl<'a> LivePage<'a> {
         let (scene, record) = (fit.scene(), self.record.borrow());
         let views = seen.iter().filter_map(|seen| {
             let view = &scene.views[seen.score.view];
-            let Pictures { picture, target, difference } = Pictures::of(scene, seen).ok()?;
+            let Pictures { picture, target, difference } = Pictures::from_view(scene, seen).ok()?;
             let (target, difference) = (target?, difference?);
             let (name, held_out, psnr) = (view.name.clone(), view.held_out, seen.score.psnr);
             Some(View { name, held_out, psnr, picture, target, difference })

@@ -39,7 +39,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub(super) fn of(scene: &Scene, seen: &SeenView) -> Result<Self, SceneError> {
+    pub(super) fn from_view(scene: &Scene, seen: &SeenView) -> Result<Self, SceneError> {
         let png = |image: &Tensor<f32>| Ok::<_, SceneError>(Arc::from(scene.png_of(image)?));
         let target = seen.target.as_ref();
         let difference = target.map(|target| {
@@ -76,11 +76,11 @@ struct Shown {
     colors: Vec<[f32; 3]>,
     coordinates: Option<Indexed<2>>,
     png: Option<Vec<u8>>,
-    place: [f32; 16],
+    transform: [f32; 16],
 }
 
 impl Shown {
-    fn new(model: &Model, geometry: &Geometry, submesh: &Submesh, place: &DMat4) -> Self {
+    fn new(model: &Model, geometry: &Geometry, submesh: &Submesh, transform: &DMat4) -> Self {
         let material = submesh.material.and_then(|k| model.materials.get(k));
         let image = material.and_then(|material| material.base_color_map.image);
         let image = image.and_then(|k| model.images.get(k));
@@ -111,7 +111,7 @@ impl Shown {
                 Indexed { rows: named.collect(), faces }
             }),
             png: image.and_then(|image| image.encode_png(&Place::new("a texture")).ok()),
-            place: place.to_cols_array().map(|x| x as f32),
+            transform: transform.to_cols_array().map(|x| x as f32),
         }
     }
 }
@@ -156,7 +156,7 @@ fn with_meshes<R>(
                 faces: &coordinates.faces,
                 png,
             }),
-            place: mesh.place,
+            place: mesh.transform,
         }
     });
     with(&meshes.collect::<Vec<_>>())

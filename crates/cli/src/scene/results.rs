@@ -33,7 +33,7 @@ pub(super) fn save_views(fit: &SceneFit, out: &Path) -> Result<Vec<ViewScore>, S
     let scene = fit.scene();
     let views: Vec<_> = (0..scene.views.len()).collect();
     fit.scores_with(&views, |seen| {
-        Pictures::of(scene, seen)?.save(&scene.views[seen.score.view].name, out)
+        Pictures::from_view(scene, seen)?.save(&scene.views[seen.score.view].name, out)
     })
 }
 
