@@ -15,10 +15,10 @@ pub fn automorphisms(faces: &[[u32; 3]], vertex_count: usize) -> Vec<Vec<usize>>
         faces: &set,
         image: Vec::with_capacity(vertex_count),
         used: vec![false; vertex_count],
-        found: Vec::new(),
+        automorphisms: Vec::new(),
     };
     search.extend();
-    search.found
+    search.automorphisms
 }
 
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {
@@ -32,14 +32,14 @@ struct Search<'a> {
     faces: &'a [[u32; 3]],
     image: Vec<usize>,
     used: Vec<bool>,
-    found: Vec<Vec<usize>>,
+    automorphisms: Vec<Vec<usize>>,
 }
 
 impl Search<'_> {
     fn extend(&mut self) {
         let vertex = self.image.len();
         if vertex == self.used.len() {
-            self.found.push(self.image.clone());
+            self.automorphisms.push(self.image.clone());
             return;
         }
         for candidate in 0..self.used.len() {

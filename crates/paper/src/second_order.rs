@@ -136,8 +136,8 @@ impl Steps for LevenbergMarquardt<'_> {
         let seconds = self.start.elapsed().as_secs_f64();
         // The loss of one view, as in the first part.
         let loss = residuals / views.count() as f64;
-        let seen = Step { step, seconds, loss, measure: self.pipeline.measure(&self.cube) };
-        let state = StepState::new(&seen, &self.cube, self.ms, preparation_ms);
+        let measured = Step { step, seconds, loss, measure: self.pipeline.measure(&self.cube) };
+        let state = StepState::new(&measured, &self.cube, self.ms, preparation_ms);
         if let ControlFlow::Break(stop) = observer(&state) {
             return Ok(ControlFlow::Break(stop));
         }
@@ -222,7 +222,7 @@ fn normal_equations(
     });
     for view in 0..views.count() {
         let sigma_here = sigma_value.as_ref();
-        let at = views.residual(view, &vertices, &colors, sigma_here)?;
+        let residual = views.residual(view, &vertices, &colors, sigma_here)?;
         // Each column of vertices or sigma as a whole; those of colours by vertex.
         let mut columns: Vec<(usize, Tensor<f64>)> = Vec::new();
         let mut shares = None;
@@ -243,7 +243,7 @@ fn normal_equations(
             columns.push((shape, image.tangents()));
         }
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(n);
-        for (k, &r) in at.data().iter().enumerate() {
+        for (k, &r) in residual.data().iter().enumerate() {
             row.clear();
             let slopes = columns.iter().map(|(j, column)| (*j, column.data()[k]));
             row.extend(slopes.filter(|&(_, slope)| slope != 0.0));

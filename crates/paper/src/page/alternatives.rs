@@ -222,9 +222,9 @@ fn figures(trials: &[Trial]) -> Figures {
             format!("{}, σ* = {sigma_target}: |σ − σ*|, pixels", panels::number(experiment));
         Figure::new(title, (Scale::Counts, "step"), Scale::Logarithmic, curves)
     });
-    let legend = names.iter().enumerate().map(|(at, &name)| {
+    let legend = names.iter().enumerate().map(|(index, &name)| {
         let ours = if name.choice.is_none() { "ours: " } else { "" };
-        (format!("{ours}{}", name.name), PALETTE[at % PALETTE.len()], stroke(name))
+        (format!("{ours}{}", name.name), PALETTE[index % PALETTE.len()], stroke(name))
     });
     Figures::new(panels, legend)
 }

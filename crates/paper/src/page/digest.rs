@@ -36,7 +36,7 @@ impl Quantity {
     pub(crate) const ALL: [Self; 5] =
         [Self::Loss, Self::VertexError, Self::ColorError, Self::SigmaError, Self::Sigma];
 
-    fn of(self, record: &Record, sigma_target: Option<f64>) -> f64 {
+    fn value(self, record: &Record, sigma_target: Option<f64>) -> f64 {
         let value = match self {
             Self::Loss => Some(record.loss),
             Self::VertexError => record.vertex_error,
@@ -78,7 +78,7 @@ pub(crate) fn thinned(history: &[Record], sigma_target: Option<f64>) -> Vec<Wind
             step: spread(&|record| record.step as f64)[1],
             seconds: spread(&|record| record.seconds)[1],
             values: Quantity::ALL
-                .map(|quantity| spread(&|record| quantity.of(record, sigma_target))),
+                .map(|quantity| spread(&|record| quantity.value(record, sigma_target))),
         }
     });
     windows.collect()
@@ -176,7 +176,7 @@ impl Group {
 
     /// `[x, low, middle, high]` of a quantity, see the head of this file.
     pub(crate) fn curve(&self, quantity: Quantity, x: impl Fn(&Window) -> f64) -> Vec<[f64; 4]> {
-        let at = quantity as usize;
+        let index = quantity as usize;
         if let [fit] = &self.fits[..] {
             return fit.curve(quantity, x);
         }
@@ -184,7 +184,7 @@ impl Group {
         windows.sort_by_key(|window| window.number);
         let same = windows.chunk_by(|a, b| a.number == b.number);
         let point = |same: &[&Window]| {
-            let [low, middle, high] = quartiles(same.iter().map(|window| window.values[at][1]));
+            let [low, middle, high] = quartiles(same.iter().map(|window| window.values[index][1]));
             [quartiles(same.iter().map(|window| x(window)))[1], low, middle, high]
         };
         same.map(point).collect()

@@ -29,8 +29,8 @@ const STRIP: u32 = 10;
 /// are none, whatever there is) of the last experiment that has any.
 pub(crate) fn cast<'a>(groups: &[&'a Group]) -> Vec<&'a Group> {
     for experiment in [Experiment::Joint, Experiment::Vertices, Experiment::Sigma] {
-        let of = groups.iter().filter(|group| group.settings.experiment == experiment);
-        let (first, rest): (Vec<&Group>, Vec<&Group>) = of.partition(|group| {
+        let chosen = groups.iter().filter(|group| group.settings.experiment == experiment);
+        let (first, rest): (Vec<&Group>, Vec<&Group>) = chosen.partition(|group| {
             let settings = &group.settings;
             settings.silhouettes == Silhouettes::Antialias && settings.preset == Preset::Paper
         });
@@ -59,18 +59,18 @@ pub(crate) fn film(groups: &[&Group]) -> Result<Option<Film>, ReportError> {
     let side = (WIDTH / fits.len()).min(TILE);
     let mut frames = Vec::with_capacity(longest);
     let moves = fits[0].settings.experiment != Experiment::Sigma;
-    for at in 0..longest {
-        let part = at as f64 / longest.max(2) as f64;
+    for index in 0..longest {
+        let part = index as f64 / longest.max(2) as f64;
         let turned = View::angles([0.6, 0.5 + std::f64::consts::FRAC_PI_2 * part]);
         let view = if moves { turned } else { View::fixed() };
         let (mut learnt, mut truth) = (Vec::new(), Vec::new());
         for fit in &fits {
-            let snapshot = &fit.snapshots[at.min(fit.snapshots.len() - 1)];
+            let snapshot = &fit.snapshots[index.min(fit.snapshots.len() - 1)];
             learnt.push(tile(fit, snapshot, side, &view)?);
             truth.push(tile(fit, &target(fit), side, &view)?);
         }
         let last = fits[0].snapshots.len() - 1;
-        let reached = fits[0].snapshots[at.min(last)].step;
+        let reached = fits[0].snapshots[index.min(last)].step;
         frames.push(with_bar(
             &sheet(&[learnt, truth], GAP, GROUND),
             reached,
@@ -99,7 +99,7 @@ fn with_bar(frame: &RgbImage, step: u64, steps: u64) -> RgbImage {
     let mut barred = RgbImage::from_pixel(width, height + STRIP, GROUND);
     barred.replace(frame, [0, 0]);
     let (left, length) = (GAP, width.saturating_sub(2 * GAP));
-    let place = |step: u64| {
+    let position = |step: u64| {
         let part = (step as f64 + 1.0).ln() / (steps.max(1) as f64 + 1.0).ln();
         left + (part.clamp(0.0, 1.0) * f64::from(length)) as u32
     };
@@ -108,9 +108,9 @@ fn with_bar(frame: &RgbImage, step: u64, steps: u64) -> RgbImage {
             barred.set_pixel(x, y, color);
         }
     };
-    fill(left, place(step), BAR[0], [2, STRIP - 4]);
+    fill(left, position(step), BAR[0], [2, STRIP - 4]);
     let powers = (0..=19).map(|power| 10_u64.pow(power)).take_while(|&power| power <= steps);
-    for mark in powers.map(place) {
+    for mark in powers.map(position) {
         fill(mark, mark + 1, BAR[1], [0, STRIP - 2]);
     }
     barred

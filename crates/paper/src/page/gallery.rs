@@ -28,7 +28,7 @@ pub(crate) fn view() -> View {
 }
 
 /// The image that the fit of `fit` makes of `snapshot`, in its own resolution.
-pub(crate) fn seen(fit: &Fit, snapshot: &Snapshot) -> Result<RgbImage, ReportError> {
+pub(crate) fn draw(fit: &Fit, snapshot: &Snapshot) -> Result<RgbImage, ReportError> {
     let settings = &fit.settings;
     let sigma = snapshot.sigma.filter(|_| settings.blurs());
     let (side, silhouettes) = (settings.resolution, settings.silhouettes);
@@ -64,7 +64,7 @@ pub(crate) fn file(group: &Group) -> Result<Option<Vec<u8>>, ReportError> {
     }
     let (mut top, mut bottom) = (Vec::new(), Vec::new());
     for snapshot in shown.into_iter().chain([&target(fit)]) {
-        top.push(enlarged(&seen(fit, snapshot)?, SIDE as u32));
+        top.push(enlarged(&draw(fit, snapshot)?, SIDE as u32));
         bottom.push(cube(snapshot, SIDE)?);
     }
     let rows =
@@ -96,9 +96,9 @@ fn galleries(groups: &[&Group]) -> Result<String, ReportError> {
         }
         let name = escaped(&group.name());
         let seed = fit.settings.seed;
-        let of = if group.fits.len() > 1 { ", the one of median error" } else { "" };
+        let median = if group.fits.len() > 1 { ", the one of median error" } else { "" };
         let stuck = if fit.is_stuck() { "; it did not find the cube" } else { "" };
-        let _ = write!(html, "<h4>{name} <small>seed {seed}{of}{stuck}</small></h4>");
+        let _ = write!(html, "<h4>{name} <small>seed {seed}{median}{stuck}</small></h4>");
         html.push_str(&strip(fit, &shown)?);
     }
     Ok(html)
@@ -122,7 +122,7 @@ fn strip(fit: &Fit, shown: &[&Snapshot]) -> Result<String, ReportError> {
             None => String::new(),
         };
         let _ = write!(heads, "<span>{head}{sigma}</span>");
-        let uri = data_uri(&png(&seen(fit, snapshot)?)?);
+        let uri = data_uri(&png(&draw(fit, snapshot)?)?);
         let _ = write!(top, "<img class=\"seen\" alt=\"seen at {head}\" src=\"{uri}\">");
         let frame = [(&target, TRUE), (snapshot, LEARNT)];
         bottom.push_str(&wired(snapshot, &frame[usize::from(is_target)..], &head)?);
@@ -161,7 +161,7 @@ fn wired(
         let mut path = String::new();
         for [from, to] in scenes::edges() {
             let ([x1, y1], [x2, y2]) = (places[from], places[to]);
-            if [x1, y1, x2, y2].iter().all(|place| place.is_finite()) {
+            if [x1, y1, x2, y2].iter().all(|coordinate| coordinate.is_finite()) {
                 let _ = write!(path, "M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}");
             }
         }

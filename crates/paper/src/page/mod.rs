@@ -90,11 +90,11 @@ impl Report {
         let groups: Vec<&Group> = groups.iter().collect();
         let film = film::film(&film::cast(&groups))?;
         let mut files: Vec<(PathBuf, Vec<u8>)> = Vec::new();
-        for (at, group) in groups.iter().enumerate() {
+        for (index, group) in groups.iter().enumerate() {
             if let Some(sheet) = gallery::file(group)? {
                 let name = group.file_name();
-                let taken = groups[..at].iter().any(|group| group.file_name() == name);
-                let number = if taken { format!("-{at}") } else { String::new() };
+                let taken = groups[..index].iter().any(|group| group.file_name() == name);
+                let number = if taken { format!("-{index}") } else { String::new() };
                 files.push((format!("pictures/{name}{number}.png").into(), sheet));
             }
         }

@@ -118,8 +118,8 @@ fn distances(fit: &Fit) -> Option<[f64; VERTEX_COUNT]> {
     let last = fit.snapshots.last()?;
     let truth = scenes::truth(None);
     let (learnt, truth) = (last.vertices.data(), truth.vertices.data());
-    let away = |v: usize, place: usize| {
-        (0..3).map(|k| (learnt[3 * v + k] - truth[3 * place + k]).powi(2)).sum::<f64>().sqrt()
+    let away = |v: usize, corner: usize| {
+        (0..3).map(|k| (learnt[3 * v + k] - truth[3 * corner + k]).powi(2)).sum::<f64>().sqrt()
     };
     let all = scenes::automorphisms(&FACES, VERTEX_COUNT);
     let all = all.iter().map(|places| std::array::from_fn(|v| away(v, places[v])));

@@ -20,10 +20,10 @@ pub(crate) struct Content<'a> {
 /// All sections; those of what was not run show nothing.
 pub(crate) fn sections(content: &Content<'_>) -> Result<Vec<Section>, ReportError> {
     let &Content { about, groups, film, failures, trials } = content;
-    let of = |experiment| -> Vec<&Group> {
+    let groups_of = |experiment| -> Vec<&Group> {
         groups.iter().copied().filter(|group| group.settings.experiment == experiment).collect()
     };
-    let experiments = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint].map(of);
+    let experiments = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint].map(groups_of);
     let mut sections = vec![against_time(&experiments), results::speed(groups)];
     sections.extend(film.map(|film| film_of(groups, film)));
     sections.extend([
