@@ -64,9 +64,9 @@ impl World {
             let mut parts = PartitionMut::new(&mut all[..], &lengths[..], &starts[..]);
             world.all_gather_varcount_into(bytes, &mut parts);
         }
-        let of =
+        let slice =
             |(&start, &length): (&i32, &i32)| all[start as usize..][..length as usize].to_vec();
-        starts.iter().zip(&lengths).map(of).collect()
+        starts.iter().zip(&lengths).map(slice).collect()
     }
 }
 

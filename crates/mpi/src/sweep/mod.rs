@@ -71,8 +71,9 @@ impl Running {
             Ok(Some(status)) => {
                 let text = fs::read_to_string(self.folder.join("errors.txt")).unwrap_or_default();
                 let text = text.trim().trim_start_matches("bokashi-mpi: ");
-                let start =
-                    (0..=text.len().min(MOST_SAID)).rev().find(|&at| text.is_char_boundary(at));
+                let start = (0..=text.len().min(MOST_SAID))
+                    .rev()
+                    .find(|&index| text.is_char_boundary(index));
                 let text = &text[..start.unwrap_or(0)];
                 Some(if text.is_empty() { status.to_string() } else { text.to_owned() })
             }

@@ -91,8 +91,8 @@ fn medians(rows: &[Row<'_>]) -> String {
     }
     for (setting, seeds) in settings.into_iter().filter(|(_, seeds)| seeds.len() > 1) {
         let done: Vec<_> = seeds.iter().filter(|row| row.ended.failure.is_none()).collect();
-        let of = |at: usize| {
-            let numbers = done.iter().filter_map(|row| row.numbers[at].as_ref()?.as_f64());
+        let column = |index: usize| {
+            let numbers = done.iter().filter_map(|row| row.numbers[index].as_ref()?.as_f64());
             median(numbers)
         };
         let seconds = median(done.iter().map(|row| row.ended.seconds));
@@ -103,7 +103,7 @@ fn medians(rows: &[Row<'_>]) -> String {
             done.len(),
             seeds.len(),
             seconds.unwrap_or(f64::NAN),
-            shown(std::array::from_fn(of))
+            shown(std::array::from_fn(column))
         );
     }
     match text.is_empty() {
