@@ -155,7 +155,7 @@ const DEPENDENCY_FOR_FEATURES: (&str, &str) = ("bokashi-examples", "bokashi-cli"
 
 #[test]
 fn crates_depend_on_floors_below_alone() {
-    let [(_, floors)] = &tables("The rooms' floors")[..] else { panic!("one table of rooms") };
+    let [(_, floors)] = &tables("The crates' floors")[..] else { panic!("one table of crates") };
     let floor_of: BTreeMap<_, _> = floors.iter().cloned().collect();
     let mut crates = crates();
     // The samples, which the program runs; their files have no floors.

@@ -1,4 +1,4 @@
-//! The house as docs/architecture-floors.md describes it: which files there are, and which of them
+//! The structure as docs/architecture-floors.md describes it: which files there are, and which of them
 //! import which.
 
 mod imports;

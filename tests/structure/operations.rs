@@ -92,8 +92,8 @@ fn losses() -> Vec<String> {
 }
 
 /// The sources of the catalogue's entries in a folder, one after the other.
-fn entries(room: &str) -> String {
-    let files = files(&crates().join("catalogue/src").join(room)).into_iter();
+fn entries(folder: &str) -> String {
+    let files = files(&crates().join("catalogue/src").join(folder)).into_iter();
     files.map(|(_, text)| text).collect()
 }
 
