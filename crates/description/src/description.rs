@@ -13,9 +13,9 @@ use toml::Spanned;
 
 use crate::error::DescriptionError;
 use crate::learn::{Learn, LossEntry, Stage, StopEntry};
+use crate::location::{Location, shortened};
 use crate::meshes::MeshEntry;
 use crate::pipeline::{EnvironmentEntry, LightEntry, PipelineEntry};
-use crate::place::{Place, shortened};
 use crate::schema::schema_of;
 use crate::views::{CamerasEntry, ViewEntry};
 use crate::words::{self, Keyed};
@@ -97,7 +97,7 @@ impl Description {
         ] {
             if found > most {
                 return Err(DescriptionError::TooLarge {
-                    place: Place::new(path),
+                    location: Location::new(path),
                     what,
                     most,
                     found,
@@ -105,12 +105,12 @@ impl Description {
             }
         }
         toml::from_str(text).map_err(|error| {
-            let place = match error.span() {
-                Some(span) => Place::from_byte(text, path, span.start),
-                None => Place::new(path),
+            let location = match error.span() {
+                Some(span) => Location::from_byte(text, path, span.start),
+                None => Location::new(path),
             };
             let message = shortened(&said(error.message())).into_owned();
-            DescriptionError::Content { place, message }
+            DescriptionError::Content { location, message }
         })
     }
 }

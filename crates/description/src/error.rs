@@ -1,16 +1,16 @@
 //! What can go wrong with a description.
 
-use crate::place::Place;
+use crate::location::Location;
 
 /// What can go wrong with a description. Each message says the rule, then the value that broke it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DescriptionError {
     /// A text would take more memory than a description may.
-    #[error("{place}: at most {most} {what} are read, and there are {found}")]
+    #[error("{location}: at most {most} {what} are read, and there are {found}")]
     TooLarge {
         /// The file.
-        place: Place,
+        location: Location,
         /// What there is too much of.
         what: &'static str,
         /// How many there may be.
@@ -19,10 +19,10 @@ pub enum DescriptionError {
         found: u64,
     },
     /// A text does not say what it should.
-    #[error("{place}: {message}")]
+    #[error("{location}: {message}")]
     Content {
         /// Where.
-        place: Place,
+        location: Location,
         /// The rule, and what broke it.
         message: String,
     },

@@ -8,10 +8,10 @@ mod description;
 mod error;
 mod gltf_json;
 mod learn;
+mod location;
 mod meshes;
 mod numbers;
 mod pipeline;
-mod place;
 mod schema;
 mod views;
 mod words;
@@ -23,13 +23,13 @@ pub use learn::{
     Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
     StopEntry,
 };
+pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{Count, Finite, NotNegative, Positive, Share};
 pub use pipeline::{
     CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
     SilhouettesName, SurfaceModel, Tone,
 };
-pub use place::{Place, shortened, shortened_path};
 pub use views::{
     CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,
 };

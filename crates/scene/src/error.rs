@@ -4,7 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-pub use bokashi_description::Place;
+pub use bokashi_description::Location;
 use bokashi_description::{DescriptionError, shortened, shortened_path};
 use bokashi_fit::FitError;
 use bokashi_render_ops::RenderError;
@@ -47,10 +47,10 @@ pub enum SceneError {
         folder: PathBuf,
     },
     /// A file would take more memory than a scene may.
-    #[error("{place}: at most {most} {what} are read, and there are {found}")]
+    #[error("{location}: at most {most} {what} are read, and there are {found}")]
     TooLarge {
         /// The file.
-        place: Place,
+        location: Location,
         /// What there is too much of.
         what: &'static str,
         /// How many there may be.
@@ -59,10 +59,10 @@ pub enum SceneError {
         found: u64,
     },
     /// What is made of a file would take more memory than [`memory_limit`](crate::memory_limit) allows.
-    #[error("{place}: {what} needs {found} of memory, and {left} of {most} are left (`--memory` allows more)", found = bytes(*found), left = bytes(*left), most = bytes(*most))]
+    #[error("{location}: {what} needs {found} of memory, and {left} of {most} are left (`--memory` allows more)", found = bytes(*found), left = bytes(*left), most = bytes(*most))]
     Memory {
         /// The file.
-        place: Place,
+        location: Location,
         /// What needs it.
         what: String,
         /// How many bytes it needs.
@@ -73,10 +73,10 @@ pub enum SceneError {
         most: u64,
     },
     /// A file does not hold what it should.
-    #[error("{place}: {message}")]
+    #[error("{location}: {message}")]
     Content {
         /// Where.
-        place: Place,
+        location: Location,
         /// The rule, and what broke it.
         message: String,
     },
@@ -90,20 +90,22 @@ pub enum SceneError {
 
 impl SceneError {
     /// A file that does not hold what it should.
-    pub(crate) fn content(place: Place, message: impl fmt::Display) -> Self {
-        Self::Content { place, message: shortened(&message.to_string()).into_owned() }
+    pub(crate) fn content(location: Location, message: impl fmt::Display) -> Self {
+        Self::Content { location, message: shortened(&message.to_string()).into_owned() }
     }
 }
 
 impl From<DescriptionError> for SceneError {
     fn from(error: DescriptionError) -> Self {
         match error {
-            DescriptionError::TooLarge { place, what, most, found } => {
-                Self::TooLarge { place, what, most, found }
+            DescriptionError::TooLarge { location, what, most, found } => {
+                Self::TooLarge { location, what, most, found }
             }
-            DescriptionError::Content { place, message } => Self::Content { place, message },
+            DescriptionError::Content { location, message } => Self::Content { location, message },
             // The enum may grow; its messages begin with their places.
-            other => Self::Content { place: Place::new("scene.toml"), message: other.to_string() },
+            other => {
+                Self::Content { location: Location::new("scene.toml"), message: other.to_string() }
+            }
         }
     }
 }
@@ -116,7 +118,7 @@ mod tests {
     fn long_messages_and_paths_lose_their_middle() {
         const LONGEST: usize = 1000;
         let long = "ä".repeat(5000);
-        let error = SceneError::content(Place::line(&long, 7), format!("a {long} z"));
+        let error = SceneError::content(Location::line(&long, 7), format!("a {long} z"));
         let message = error.to_string();
         assert!(
             message.starts_with("ää") && message.contains("ä:7: a ä") && message.ends_with("ä z")

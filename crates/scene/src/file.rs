@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use bokashi_write::{check_below, write_below, write_whole};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// The largest file that is read, in bytes.
 pub const MOST_BYTES: u64 = 4 << 30;
@@ -29,8 +29,8 @@ pub(crate) fn read_resolved(given: &Path, path: &Path) -> Result<Vec<u8>, SceneE
     let (bytes, _) = read_start(given, path, MOST_BYTES + 1)?;
     let length = bytes.len() as u64;
     if length > MOST_BYTES {
-        let (place, what) = (Place::new(given), "bytes");
-        return Err(SceneError::TooLarge { place, what, most: MOST_BYTES, found: length });
+        let (location, what) = (Location::new(given), "bytes");
+        return Err(SceneError::TooLarge { location, what, most: MOST_BYTES, found: length });
     }
     Ok(bytes)
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use pathdiff::diff_paths;
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::{read_resolved, read_start};
 use crate::memory::Memory;
 
@@ -157,13 +157,13 @@ impl Folder {
     /// # Errors
     /// As [`Folder::read`]; [`SceneError::Content`] for what is not UTF-8.
     pub fn read_text(&self, path: impl AsRef<Path>) -> Result<String, SceneError> {
-        let place = Place::new(self.join(path.as_ref()));
+        let location = Location::new(self.join(path.as_ref()));
         let mut bytes = self.read(path)?;
         if bytes.starts_with(MARK) {
             bytes.drain(..MARK.len());
         }
         let text = String::from_utf8(bytes);
-        text.map_err(|error| SceneError::content(place, format!("text is UTF-8: {error}")))
+        text.map_err(|error| SceneError::content(location, format!("text is UTF-8: {error}")))
     }
 }
 

@@ -9,7 +9,7 @@ use bokashi_fit::{
 };
 
 use crate::description::Positive;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::learnables::{Learnable, TABLE, VERTICES};
 use crate::memory::OF_LEARNT_NUMBER;
 use crate::scene::Scene;
@@ -93,7 +93,7 @@ impl Learnt {
         let numbers: usize = all.parameters.iter().map(|parameter| parameter.raw().size()).sum();
         let bytes = (numbers as u64).saturating_mul(OF_LEARNT_NUMBER);
         let what = || format!("a fit of {numbers} numbers");
-        scene.folder.memory().check(bytes, &Place::new(&scene.path), what)?;
+        scene.folder.memory().check(bytes, &Location::new(&scene.path), what)?;
         Ok(all)
     }
 
@@ -170,5 +170,5 @@ impl Learnt {
 }
 
 fn wrong(scene: &Scene, message: impl std::fmt::Display) -> SceneError {
-    SceneError::content(Place::new(&scene.path), message)
+    SceneError::content(Location::new(&scene.path), message)
 }

@@ -69,7 +69,7 @@ pub use cameras::{
     Camera, CameraFile, ColmapPoint, Distortion, NamedView, find_colmap, read_colmap,
     read_colmap_points, read_transforms, transforms_json,
 };
-pub use error::{Place, SceneError};
+pub use error::{Location, SceneError};
 pub use file::{MOST_BYTES, write_result};
 pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::Folder;

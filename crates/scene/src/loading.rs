@@ -6,7 +6,7 @@ use bokashi_core::Tensor;
 use bokashi_render_ops::Mesh;
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::read_file;
 use crate::folder::Folder;
 use crate::memory::Memory;
@@ -50,7 +50,7 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh, SceneError> {
     let path = path.as_ref();
     let folder = Folder::new(path.parent().unwrap_or(Path::new("")))?;
     let name = path.file_name().map_or(path, Path::new);
-    LoadedMesh::from_model(&read_model(&folder, name)?, &Place::new(path))
+    LoadedMesh::from_model(&read_model(&folder, name)?, &Location::new(path))
 }
 
 /// The light of the image at `path`, a PNG, JPEG, EXR or HDR: `[H, W, C]`, with the channels that it has, one to
@@ -61,7 +61,7 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh, SceneError> {
 /// [`SceneError::Read`] where the file can't be read; otherwise as [`Picture::decode`].
 pub fn load_image(path: impl AsRef<Path>) -> Result<Tensor<f32>, SceneError> {
     let path = path.as_ref();
-    let picture = Picture::decode(&read_file(path)?, &Place::new(path))?;
+    let picture = Picture::decode(&read_file(path)?, &Location::new(path))?;
     Ok(picture.light(ColorSpace::for_picture(&picture)))
 }
 
@@ -69,11 +69,11 @@ pub fn load_image(path: impl AsRef<Path>) -> Result<Tensor<f32>, SceneError> {
 type Part<'m> = (&'m Geometry, DMat4);
 
 impl LoadedMesh {
-    fn from_model(model: &Model, place: &Place) -> Result<Self, SceneError> {
+    fn from_model(model: &Model, location: &Location) -> Result<Self, SceneError> {
         let placed = model.placed.iter();
         let parts: Vec<Part<'_>> =
             placed.map(|placed| (&model.geometries[placed.geometry], placed.transform)).collect();
-        check_memory(&parts, place)?;
+        check_memory(&parts, location)?;
         let (mut points, mut faces) = (Vec::<DVec3>::new(), Vec::new());
         for (geometry, matrix) in &parts {
             let first = points.len() as u32;
@@ -131,11 +131,11 @@ impl LoadedMesh {
 }
 
 /// Checks that memory holds the mesh of all parts.
-fn check_memory(parts: &[Part<'_>], place: &Place) -> Result<(), SceneError> {
+fn check_memory(parts: &[Part<'_>], location: &Location) -> Result<(), SceneError> {
     let corners = parts.iter().map(|(geometry, _)| geometry.positions.len() + geometry.faces.len());
     let corners = corners.map(|count| count as u64).sum::<u64>();
     let what = || format!("a mesh of {corners} vertices and faces");
-    Memory::default().check(corners.saturating_mul(OF_CORNER), place, what)
+    Memory::default().check(corners.saturating_mul(OF_CORNER), location, what)
 }
 
 /// The base colour of all parts, and notes of what a loaded mesh has not.
@@ -253,7 +253,7 @@ mod tests {
     fn png(samples: &[u8], [width, height, channels]: [usize; 3]) -> Vec<u8> {
         let samples = Samples::U8(samples.to_vec());
         let picture = Picture { width, height, channels, samples };
-        picture.encode_png(&Place::new("a.png")).unwrap()
+        picture.encode_png(&Location::new("a.png")).unwrap()
     }
 
     #[test]
@@ -293,7 +293,8 @@ mod tests {
         let expected = [0.5029, 128.0 / 255.0, 0.0, 1.0];
         approx::assert_abs_diff_eq!(image.data(), &expected[..], epsilon = 1e-4);
         let light = Tensor::from_flat_fn([1, 2, 3], |k| 0.5 * k as f32);
-        let exr = Picture::from_numbers(&light).unwrap().encode_exr(&Place::new("a.exr")).unwrap();
+        let exr =
+            Picture::from_numbers(&light).unwrap().encode_exr(&Location::new("a.exr")).unwrap();
         write(folder, "a.exr", exr);
         assert_eq!(load_image(folder.join("a.exr")).unwrap(), light);
         assert!(matches!(load_image(folder.join("b.png")), Err(SceneError::Read { .. })));
@@ -319,7 +320,7 @@ mod tests {
     }
 
     fn loaded(model: &Model) -> LoadedMesh {
-        LoadedMesh::from_model(model, &Place::new("a.glb")).unwrap()
+        LoadedMesh::from_model(model, &Location::new("a.glb")).unwrap()
     }
 
     #[test]

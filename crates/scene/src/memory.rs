@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// The limit where nothing says how much memory there is, in bytes.
 const UNKNOWN: u64 = 4 << 30;
@@ -101,10 +101,10 @@ impl Memory {
         &self,
         bytes: u64,
         meanwhile: u64,
-        place: &Place,
+        location: &Location,
         what: impl Fn() -> String,
     ) -> Result<(), SceneError> {
-        self.take_within(memory_limit(), bytes, meanwhile, place, what)
+        self.take_within(memory_limit(), bytes, meanwhile, location, what)
     }
 
     /// Whether there is room for `bytes`, which `what` needs for a time.
@@ -114,10 +114,10 @@ impl Memory {
     pub(crate) fn check(
         &self,
         bytes: u64,
-        place: &Place,
+        location: &Location,
         what: impl Fn() -> String,
     ) -> Result<(), SceneError> {
-        self.take(0, bytes, place, what)
+        self.take(0, bytes, location, what)
     }
 
     fn take_within(
@@ -125,7 +125,7 @@ impl Memory {
         limit: u64,
         bytes: u64,
         meanwhile: u64,
-        place: &Place,
+        location: &Location,
         what: impl Fn() -> String,
     ) -> Result<(), SceneError> {
         let all = bytes.saturating_add(meanwhile);
@@ -135,7 +135,7 @@ impl Memory {
         };
         let taken = self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, fits);
         taken.map(drop).map_err(|taken| SceneError::Memory {
-            place: place.clone(),
+            location: location.clone(),
             what: what(),
             found: all,
             left: limit.saturating_sub(taken),
@@ -152,9 +152,9 @@ mod tests {
     fn what_is_taken_counts_together_and_what_is_checked_does_not() {
         let memory = Memory::default();
         let other = memory.clone();
-        let place = Place::new("a.png");
+        let location = Location::new("a.png");
         let take = |memory: &Memory, bytes, meanwhile| {
-            memory.take_within(100, bytes, meanwhile, &place, || "an image".to_owned())
+            memory.take_within(100, bytes, meanwhile, &location, || "an image".to_owned())
         };
         take(&memory, 0, 100).unwrap();
         take(&memory, 60, 40).unwrap();

@@ -7,7 +7,7 @@ use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{Coverage, eye_depth};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::learnables::Values;
 use crate::picture::{Picture, Samples};
 use crate::renderer::Renderer;
@@ -71,17 +71,17 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     let mut files = Vec::new();
     let mut add = |what: &str, kind: &str, picture: &Picture| {
         let file = format!("{name}{what}.{kind}");
-        let place = Place::new(&file);
+        let location = Location::new(&file);
         let bytes = match kind {
-            "png" => picture.encode_png(&place)?,
-            _ => picture.encode_exr(&place)?,
+            "png" => picture.encode_png(&location)?,
+            _ => picture.encode_exr(&location)?,
         };
         files.push((file, bytes));
         Ok::<_, SceneError>(())
     };
     let image = renderer.image(&values, &drawn, 1)?;
     let colors = image.slice(2, 0..3).map_err(FitError::from)?.value();
-    add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Place::new(name))?)?;
+    add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Location::new(name))?)?;
     add("", "exr", &Picture::from_numbers(&drawn.light.image()?.value())?)?;
 
     let depth = dense(coverage, &eye_depth(&drawn.fragments)?.values().value(), 1);

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
 use crate::description::{Description, LightPlace, Tone};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
 use crate::model::Model;
@@ -63,8 +63,8 @@ impl Scene {
         if let Some(texels) = &self.environment {
             let [side, all] = [texels.shape()[1], texels.data().len()];
             let faces = Tensor::from_flat_fn([all / (3 * side), side, 3], |k| texels.data()[k]);
-            let place = Place::new("environment.exr");
-            write("environment.exr", &Picture::from_numbers(&faces)?.encode_exr(&place)?)?;
+            let location = Location::new("environment.exr");
+            write("environment.exr", &Picture::from_numbers(&faces)?.encode_exr(&location)?)?;
         }
         let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
         write("numbers.json", format!("{numbers}\n").as_bytes())?;
@@ -208,7 +208,7 @@ impl Scene {
             Tone::Srgb => ColorSpace::Linear,
             Tone::Linear => ColorSpace::Srgb,
         };
-        Picture::from_color(image, space)?.encode_png(&Place::new("a picture"))
+        Picture::from_color(image, space)?.encode_png(&Location::new("a picture"))
     }
 }
 
@@ -222,7 +222,7 @@ fn texture_name(material: &str) -> String {
 /// # Errors
 /// [`SceneError::Render`] for a tensor of another shape.
 fn texture_png(texels: &Tensor<f32>, name: &str) -> Result<Vec<u8>, SceneError> {
-    Picture::from_color(texels, ColorSpace::Srgb)?.encode_png(&Place::new(name))
+    Picture::from_color(texels, ColorSpace::Srgb)?.encode_png(&Location::new(name))
 }
 
 /// The rows of a matrix.
@@ -276,14 +276,14 @@ mod tests {
             assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
             let file = format!("{name}-texture.png");
             let bytes = fs::read(out.join(&file)).unwrap();
-            assert_eq!(model.images[0], Picture::decode(&bytes, &Place::new(&file)).unwrap());
+            assert_eq!(model.images[0], Picture::decode(&bytes, &Location::new(&file)).unwrap());
         }
         let names = scene.result_names();
         assert!(
             written.iter().all(|file| names.contains(&file.strip_prefix(&out).unwrap().into()))
         );
         let bytes = fs::read(out.join("a-texture.png")).unwrap();
-        let read = Picture::decode(&bytes, &Place::new("a-texture.png")).unwrap();
+        let read = Picture::decode(&bytes, &Location::new("a-texture.png")).unwrap();
         assert_eq!(read.channels, 3);
         // Half a step of 8 bits, where sRGB is flattest.
         approx::assert_abs_diff_eq!(

@@ -17,7 +17,7 @@ use crate::description::{
     ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
 use crate::environment::cube_from_panorama;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
 use crate::mask_files::{find_mask, usual_mask};
@@ -87,12 +87,12 @@ struct Source {
 }
 
 impl Source {
-    fn place<T>(&self, entry: &Spanned<T>) -> Place {
-        Place::from_byte(&self.text, &self.path, entry.span().start)
+    fn location<T>(&self, entry: &Spanned<T>) -> Location {
+        Location::from_byte(&self.text, &self.path, entry.span().start)
     }
 
     fn wrong<T>(&self, entry: &Spanned<T>, message: impl std::fmt::Display) -> SceneError {
-        SceneError::content(self.place(entry), message)
+        SceneError::content(self.location(entry), message)
     }
 
     /// Refuses an entry that takes more memory than a scene may.
@@ -104,7 +104,7 @@ impl Source {
         found: u64,
     ) -> Result<(), SceneError> {
         match found > most {
-            true => Err(SceneError::TooLarge { place: self.place(entry), what, most, found }),
+            true => Err(SceneError::TooLarge { location: self.location(entry), what, most, found }),
             false => Ok(()),
         }
     }
@@ -141,8 +141,8 @@ impl Scene {
         for SceneView { camera: Camera { size, .. }, .. } in &views {
             let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
             if found > MOST_SAMPLES {
-                let place = Place::new(path);
-                return Err(SceneError::TooLarge { place, what, most: MOST_SAMPLES, found });
+                let location = Location::new(path);
+                return Err(SceneError::TooLarge { location, what, most: MOST_SAMPLES, found });
             }
         }
         check_views(&source.folder, &views, OF_DRAWN_PIXEL)?;
@@ -208,7 +208,7 @@ pub(crate) fn check_views(
     let path = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));
     let Size { width, height } = largest.camera.size;
     let what = || format!("the view {:?} of {width} x {height}", largest.name);
-    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::new(path), what)
+    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Location::new(path), what)
 }
 
 /// A note where one lens is learnt for views that have several.
@@ -234,7 +234,7 @@ fn check_names<'a>(
     for name in names {
         let wrong = |rule: &str| {
             let message = format!("the name of {what} {rule}, and there is {name:?}");
-            Err(SceneError::content(Place::new(path), message))
+            Err(SceneError::content(Location::new(path), message))
         };
         if !is_file_name(name) {
             return wrong("is that of a file");
@@ -272,7 +272,7 @@ impl Source {
                 let faces = mesh.faces.map_or(FACES, |faces| faces.0);
                 self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
                 let what = || format!("a shape of {faces} faces");
-                self.folder.memory().check(faces as u64 * OF_FACE, &self.place(entry), what)?;
+                self.folder.memory().check(faces as u64 * OF_FACE, &self.location(entry), what)?;
                 let geometry = match shape {
                     Shape::Sphere => shapes::sphere(faces),
                     Shape::Cube => shapes::cube(mesh.faces.map_or(12, |faces| faces.0)),
@@ -314,7 +314,8 @@ impl Source {
             // Several meshes of a file: bunny-1, bunny-2.
             let name =
                 if drawn.len() == 1 { name.clone() } else { format!("{name}-{}", index + 1) };
-            let places = instances.iter().flat_map(|&m| places.iter().map(move |&place| m * place));
+            let places =
+                instances.iter().flat_map(|&m| places.iter().map(move |&transform| m * transform));
             let geometry = &model.geometries[*k];
             let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
             let texels = materials.map(|k| SurfaceMaterial::texels_of_file(k, &model.images)).sum();
@@ -342,12 +343,12 @@ impl Source {
     /// Takes the memory of textures of a mesh, before they are made.
     fn claim_texels(&self, texels: u64, entry: &Spanned<MeshEntry>) -> Result<(), SceneError> {
         let [kept, meanwhile] = [OF_TEXEL, OF_NEW_TEXEL].map(|bytes| texels.saturating_mul(bytes));
-        let place = match &entry.get_ref().file {
-            Some(file) => Place::new(self.folder.join(file)),
-            None => self.place(entry),
+        let location = match &entry.get_ref().file {
+            Some(file) => Location::new(self.folder.join(file)),
+            None => self.location(entry),
         };
         let what = || format!("textures of {texels} texels");
-        self.folder.memory().take(kept, meanwhile, &place, what)
+        self.folder.memory().take(kept, meanwhile, &location, what)
     }
 
     /// What the scene says of an object's materials, all of them, in place of what its file says.

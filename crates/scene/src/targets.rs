@@ -12,7 +12,7 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{PixelLoss, RenderError, Size};
 
 use crate::description::{LossKind, Tone};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::picture::{ColorSpace, Mask, Picture, Samples};
 use crate::renderer::Renderer;
 
@@ -115,8 +115,8 @@ impl Targets {
 
     /// What the file of a mask says, `[H, W]`.
     fn mask_of(&self, file: &Path, size: Size) -> Result<Tensor<f32>, SceneError> {
-        let place = Place::new(self.renderer.scene().folder.join(file));
-        Ok(Mask::from_picture(&self.picture(file, size)?, &place)?.share)
+        let location = Location::new(self.renderer.scene().folder.join(file));
+        Ok(Mask::from_picture(&self.picture(file, size)?, &location)?.share)
     }
 
     fn decoded(&self, view: usize, reduce: usize) -> Result<Target, SceneError> {
@@ -125,7 +125,7 @@ impl Targets {
         let Some(file) = &scene_view.image else {
             let message =
                 format!("a view that is compared has an image, and {:?} has none", scene_view.name);
-            return Err(SceneError::content(Place::new(scene.folder.path()), message));
+            return Err(SceneError::content(Location::new(scene.folder.path()), message));
         };
         let picture = self.picture(file, scene_view.camera.size)?;
         let space = scene_view.color_space.unwrap_or_else(|| ColorSpace::for_picture(&picture));
@@ -138,7 +138,7 @@ impl Targets {
         if with_mask && mask.is_none() {
             let rule =
                 "masks count in the loss, and this image has no opacity and the view no mask";
-            return Err(SceneError::content(Place::new(scene.folder.join(file)), rule));
+            return Err(SceneError::content(Location::new(scene.folder.join(file)), rule));
         }
         let is_eight_bit = matches!(picture.samples, Samples::U8(_));
         let is_encoded = tone == Tone::Srgb && space == ColorSpace::Srgb;
@@ -392,10 +392,10 @@ mod tests {
         let [width, height] = SIZE;
         let samples = Samples::U8((0..width * height).map(|pixel| mask(pixel) as u8).collect());
         let file = Picture { width, height, channels: 1, samples };
-        write("mask.png", file.encode_png(&Place::new("mask")).unwrap());
+        write("mask.png", file.encode_png(&Location::new("mask")).unwrap());
         let mut views = String::new();
         for (k, case) in cases().iter().enumerate() {
-            let (name, picture) = (Place::new("image"), picture(case));
+            let (name, picture) = (Location::new("image"), picture(case));
             match case.0 {
                 Depth::ThirtyTwo => write(&format!("{k}"), picture.encode_exr(&name).unwrap()),
                 _ => write(&format!("{k}"), picture.encode_png(&name).unwrap()),

@@ -4,14 +4,14 @@ use bokashi_scene::arrays::{
     ArrayFile, Packing, RawArray, npy, npz, read_npy_bytes, read_npz_bytes, read_safetensors_bytes,
     safetensors,
 };
-use bokashi_scene::{Place, SceneError};
+use bokashi_scene::{Location, SceneError};
 
 use super::files::in_short;
 
 /// Reads the arrays of the file that `bytes` are: an npz file where they begin as an archive does, an npy file
 /// where they begin as such, and else a safetensors file. Returns the bytes of all numbers that were read.
 pub fn array_file(bytes: &[u8]) -> usize {
-    let place = Place::new("arrays");
+    let place = Location::new("arrays");
     if bytes.starts_with(b"PK") {
         return arrays(bytes, read_npz_bytes, |all| npz(all, Packing::Stored));
     }
@@ -32,10 +32,10 @@ pub fn array_file(bytes: &[u8]) -> usize {
 /// Reads a file of several arrays, and those that it has from what is written of them.
 fn arrays(
     bytes: &[u8],
-    read: fn(&[u8], &Place) -> Result<ArrayFile, SceneError>,
+    read: fn(&[u8], &Location) -> Result<ArrayFile, SceneError>,
     write: impl Fn(&ArrayFile) -> Result<Vec<u8>, SceneError>,
 ) -> usize {
-    let place = Place::new("arrays");
+    let place = Location::new("arrays");
     let file = match read(bytes, &place) {
         Ok(file) => file,
         Err(error) => return in_short(&error),

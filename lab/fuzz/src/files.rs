@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::{fs, panic};
 
-use bokashi_scene::{Folder, Picture, Place, Samples, SceneError};
+use bokashi_scene::{Folder, Location, Picture, Samples, SceneError};
 use tempfile::TempDir;
 
 /// A folder, and what its files hold.
@@ -53,7 +53,7 @@ pub fn beside<'f>(
 pub fn small_image() -> Vec<u8> {
     let samples = Samples::U8(vec![0, 255, 127, 255, 255, 0, 10, 255, 20, 255, 30, 128]);
     let image = Picture { width: 3, height: 2, channels: 2, samples };
-    image.encode_png(&Place::new("a.png")).expect("an image")
+    image.encode_png(&Location::new("a.png")).expect("an image")
 }
 
 /// 0, for an input that was refused with a message that people can read.

@@ -1,6 +1,6 @@
 //! Arbitrary files as images.
 
-use bokashi_scene::{ColorSpace, Mask, Picture, Place, Samples};
+use bokashi_scene::{ColorSpace, Location, Mask, Picture, Samples};
 
 use super::files::in_short;
 
@@ -9,7 +9,7 @@ const MOST_PIXELS: usize = 1 << 16;
 
 /// Decodes the image that `bytes` are; returns the number of its pixels.
 pub fn image_file(bytes: &[u8]) -> usize {
-    let place = Place::new("image");
+    let place = Location::new("image");
     let size = match Picture::decode_size(bytes, &place) {
         Ok([width, height]) if width * height > MOST_PIXELS => return 0,
         Ok(size) => size,

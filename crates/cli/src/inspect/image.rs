@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Mask, MaskKind, Picture, Place, Samples, SceneError};
+use bokashi_scene::{Location, Mask, MaskKind, Picture, Samples, SceneError};
 use serde_json::{Value, json};
 
 use super::findings::{Findings, Section};
@@ -12,8 +12,8 @@ use crate::digits::{number, percent};
 /// What is in the image `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let (folder, name) = folder_of(file)?;
-    let (bytes, place) = (folder.read(name)?, Place::new(file));
-    let picture = Picture::decode(&bytes, &place)?;
+    let (bytes, location) = (folder.read(name)?, Location::new(file));
+    let picture = Picture::decode(&bytes, &location)?;
     let mut findings = Findings::new("an image");
     let mut section = Section::default();
     let [width, height] = [picture.width, picture.height];
@@ -41,16 +41,16 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     if picture.opacity().is_some() && is_clear {
         findings.problem("an image shows something, and the opacity of this is 0 everywhere");
     }
-    add_masks(&mut section, &picture, &place);
+    add_masks(&mut section, &picture, &location);
     findings.whole(section);
-    for remark in Picture::remarks(&bytes, &place)? {
+    for remark in Picture::remarks(&bytes, &location)? {
         findings.note(remark);
     }
     Ok(findings)
 }
 
 /// Adds the masks that an image has, and what it says as a mask itself.
-fn add_masks(section: &mut Section, picture: &Picture, place: &Place) {
+fn add_masks(section: &mut Section, picture: &Picture, location: &Location) {
     match picture.opacity() {
         None => {
             section.fact("masks", "none: it has no opacity", Value::Null);
@@ -62,7 +62,7 @@ fn add_masks(section: &mut Section, picture: &Picture, place: &Place) {
             section.fact("masks", text, json!({ "share": share }));
         }
     }
-    match Mask::from_picture(picture, place) {
+    match Mask::from_picture(picture, location) {
         Ok(mask) if mask.kind != MaskKind::Even => {
             let text =
                 format!("{} of the pixels are the object, by {}", percent(mask.mean()), mask.kind);

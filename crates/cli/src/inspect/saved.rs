@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bokashi_fit::{FitError, saved};
-use bokashi_scene::{Place, SceneError};
+use bokashi_scene::{Location, SceneError};
 use serde_json::{Value, json};
 
 use super::findings::{Findings, Section};
@@ -18,7 +18,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let refused = |error: FitError| match error {
         // It says which file it is.
         error @ FitError::File { .. } => SceneError::Fit(error),
-        error => SceneError::Content { place: Place::new(file), message: error.to_string() },
+        error => SceneError::Content { location: Location::new(file), message: error.to_string() },
     };
     let bytes = saved::read(file).map_err(refused)?;
     let (precision, state) = saved::precision_and_state(&bytes).map_err(refused)?;

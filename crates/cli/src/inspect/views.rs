@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use bokashi_scene::{Mask, MaskKind, Picture, Place, Scene, SceneView, share_seen};
+use bokashi_scene::{Location, Mask, MaskKind, Picture, Scene, SceneView, share_seen};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -175,24 +175,24 @@ fn look(scene: &Scene, view: &SceneView) -> Inspected {
     }
     let mask = match (&image, &picture, &view.mask) {
         (_, Some(picture), Some(file)) => {
-            let place = Place::new(scene.folder.join(file));
-            Some((Mask::from_picture(picture, &place), place))
+            let location = Location::new(scene.folder.join(file));
+            Some((Mask::from_picture(picture, &location), location))
         }
         (Some(image), None, None) => Mask::from_opacity(image).map(|mask| {
             (
                 Ok(mask),
-                Place::new(scene.folder.join(view.image.as_deref().unwrap_or(Path::new("")))),
+                Location::new(scene.folder.join(view.image.as_deref().unwrap_or(Path::new("")))),
             )
         }),
         _ => None,
     };
     let counts = scene.description.loss.silhouette.is_some_and(|weight| weight.0 > 0.0);
     match mask {
-        Some((Ok(mask), place)) => {
+        Some((Ok(mask), location)) => {
             inspected.mask = Some((mask.mean(), mask.kind));
             // Opacity may say nothing where nobody asks it.
             if let Some(fault) = mask.fault().filter(|_| counts || view.mask.is_some()) {
-                inspected.problems.push(format!("{place}: {fault}"));
+                inspected.problems.push(format!("{location}: {fault}"));
             }
         }
         Some((Err(error), _)) => inspected.problems.push(error.to_string()),

@@ -6,7 +6,7 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-use bokashi_scene::{Folder, Picture, Place, SceneError};
+use bokashi_scene::{Folder, Location, Picture, SceneError};
 use bokashi_write::{check_below, resolved};
 
 use super::made::Made;
@@ -38,9 +38,9 @@ impl Origin {
         match self {
             Self::Copy(_) => Ok(bytes),
             Self::Upright(_) => {
-                let place = Place::new(from);
-                let picture = Picture::decode_upright(&bytes, &place);
-                let png = picture.and_then(|picture| picture.encode_png(&place));
+                let location = Location::new(from);
+                let picture = Picture::decode_upright(&bytes, &location);
+                let png = picture.and_then(|picture| picture.encode_png(&location));
                 png.map_err(|error| Failure::Work(error.to_string()))
             }
         }
@@ -87,7 +87,7 @@ impl<'d> Copies<'d> {
         let to = plain(&home.join(path));
         if to.to_str().is_none() {
             let message = "names in a scene are UTF-8, and this is not".to_owned();
-            return Err(SceneError::Content { place: Place::new(from), message });
+            return Err(SceneError::Content { location: Location::new(from), message });
         }
         self.all.insert(to.clone(), Origin::Copy(from));
         Ok(to)

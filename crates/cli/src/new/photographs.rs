@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_scene::{
-    Camera, CameraFile, Folder, Mask, NamedView, Picture, Place, SceneError, find_colmap,
+    Camera, CameraFile, Folder, Location, Mask, NamedView, Picture, SceneError, find_colmap,
     find_mask, read_colmap, read_transforms,
 };
 use rayon::prelude::*;
@@ -86,7 +86,7 @@ impl Photographs {
             let rule =
                 "a folder of images has some of .png .jpg .jpeg .exr .hdr, and this has none";
             let message = [&[rule.to_owned()][..], &notes].concat().join("; ");
-            return Err(SceneError::Content { place: Place::new(images), message });
+            return Err(SceneError::Content { location: Location::new(images), message });
         }
         if has_cameras {
             notes.extend(without_camera(&folder, &files, &listed.images));
@@ -302,8 +302,8 @@ fn named(files: &[&PathBuf]) -> Option<String> {
 
 /// Whether viewers turn an image before they show it.
 fn is_turned(folder: &Folder, file: &Path) -> Result<bool, SceneError> {
-    let place = Place::new(folder.join(file));
-    Ok(Picture::decode_turn(&folder.read(file)?, &place)?.is_some())
+    let location = Location::new(folder.join(file));
+    Ok(Picture::decode_turn(&folder.read(file)?, &location)?.is_some())
 }
 
 /// Columns and rows of each image: those of its camera, or of its file, turned or not.
@@ -319,9 +319,9 @@ fn sizes(
     }
     let size = |(file, turned): (&PathBuf, &bool)| {
         let size = Picture::read_size(folder, file)?;
-        let place = Place::new(folder.join(file));
+        let location = Location::new(folder.join(file));
         let turn = match turned {
-            true => Picture::decode_turn(&folder.read(file)?, &place)?,
+            true => Picture::decode_turn(&folder.read(file)?, &location)?,
             false => None,
         };
         Ok(turn.map_or(size, |turn| turn.size(size)))

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bokashi_report::{ReportError, ViewerMesh, ViewerTexture, viewer, viewer_data};
 use bokashi_scene::Tensor;
 use bokashi_scene::{
-    ColorSpace, Geometry, Indexed, Model, Picture, Place, Scene, SceneError, SeenView, Submesh,
+    ColorSpace, Geometry, Indexed, Location, Model, Picture, Scene, SceneError, SeenView, Submesh,
     write_result,
 };
 use glam::DMat4;
@@ -48,7 +48,7 @@ impl Pictures {
             let off = |k: usize| 0.5 + 0.5 * GAIN * (image[k] - target[k]);
             let image = Tensor::from_flat_fn(seen.image.shape(), off);
             let picture = Picture::from_color(&image, ColorSpace::Linear)?;
-            Ok::<_, SceneError>(Arc::from(picture.encode_png(&Place::new("a difference"))?))
+            Ok::<_, SceneError>(Arc::from(picture.encode_png(&Location::new("a difference"))?))
         });
         Ok(Self {
             picture: png(&seen.image)?,
@@ -110,7 +110,7 @@ impl Shown {
                 let named = named.into_iter().map(|row| rows.rows[row as usize]);
                 Indexed { rows: named.collect(), faces }
             }),
-            png: image.and_then(|image| image.encode_png(&Place::new("a texture")).ok()),
+            png: image.and_then(|image| image.encode_png(&Location::new("a texture")).ok()),
             transform: transform.to_cols_array().map(|x| x as f32),
         }
     }

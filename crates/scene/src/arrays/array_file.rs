@@ -6,7 +6,7 @@ use bokashi_core::Tensor;
 use bokashi_fit::Stored;
 
 use super::raw_array::RawArray;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// So many names are in an error that says which there are.
 const MOST_SAID: usize = 8;
@@ -16,7 +16,7 @@ const MOST_SAID: usize = 8;
 pub struct ArrayFile {
     /// Texts by name, which a safetensors file has beside its arrays.
     pub metadata: BTreeMap<String, String>,
-    place: Place,
+    location: Location,
     entries: Vec<(String, Entry)>,
     /// Where each name is among the entries.
     by_name: HashMap<String, usize>,
@@ -32,7 +32,7 @@ pub(super) enum Entry {
 
 impl Default for ArrayFile {
     fn default() -> Self {
-        Self::from_file(Place::new("arrays in memory"))
+        Self::from_file(Location::new("arrays in memory"))
     }
 }
 
@@ -42,9 +42,9 @@ impl ArrayFile {
         Self::default()
     }
 
-    /// No arrays so far of the file at `place`.
-    pub(super) fn from_file(place: Place) -> Self {
-        Self { metadata: BTreeMap::new(), place, entries: Vec::new(), by_name: HashMap::new() }
+    /// No arrays so far of the file at `location`.
+    pub(super) fn from_file(location: Location) -> Self {
+        Self { metadata: BTreeMap::new(), location, entries: Vec::new(), by_name: HashMap::new() }
     }
 
     /// Adds an array, or puts it in the place of the one that has its name.
@@ -57,8 +57,8 @@ impl ArrayFile {
     }
 
     /// The file, for errors.
-    pub(super) fn place(&self) -> &Place {
-        &self.place
+    pub(super) fn location(&self) -> &Location {
+        &self.location
     }
 
     /// The names, in order.
@@ -74,7 +74,7 @@ impl ArrayFile {
         match self.by_name.get(name).map(|&index| &self.entries[index].1) {
             Some(Entry::Array(array)) => Ok(array),
             Some(Entry::Foreign(message)) => {
-                Err(SceneError::content(place_of(&self.place, name), message))
+                Err(SceneError::content(location_of(&self.location, name), message))
             }
             None => {
                 let mut all: Vec<_> =
@@ -85,7 +85,7 @@ impl ArrayFile {
                     _ => {}
                 }
                 let message = format!("the arrays are {}, and not {name:?}", all.join(", "));
-                Err(SceneError::content(self.place.clone(), message))
+                Err(SceneError::content(self.location.clone(), message))
             }
         }
     }
@@ -113,7 +113,7 @@ impl ArrayFile {
     pub(super) fn add_new(&mut self, name: String, entry: Entry) -> Result<(), SceneError> {
         if self.by_name.contains_key(&name) {
             let message = format!("a name is that of one array, and {name:?} is that of two");
-            return Err(SceneError::content(self.place.clone(), message));
+            return Err(SceneError::content(self.location.clone(), message));
         }
         self.add(name, entry);
         Ok(())
@@ -126,6 +126,6 @@ impl ArrayFile {
 }
 
 /// What errors call the array `name` of a file.
-pub(super) fn place_of(file: &Place, name: &str) -> Place {
-    Place::new(format!("{}:{name}", file.path.display()))
+pub(super) fn location_of(file: &Location, name: &str) -> Location {
+    Location::new(format!("{}:{name}", file.path.display()))
 }

@@ -15,11 +15,11 @@
 //!
 //! ```
 //! use bokashi_scene::arrays::{npy, read_npy_bytes};
-//! use bokashi_scene::{Place, Tensor};
+//! use bokashi_scene::{Location, Tensor};
 //!
 //! let tensor = Tensor::from([[1.0, 2.0], [3.0, 4.0]]);
 //! let bytes = npy(&(&tensor).into())?;
-//! assert_eq!(read_npy_bytes(&bytes, &Place::new("a.npy"))?.tensor::<f64>()?, tensor);
+//! assert_eq!(read_npy_bytes(&bytes, &Location::new("a.npy"))?.tensor::<f64>()?, tensor);
 //! # Ok::<(), bokashi_scene::SceneError>(())
 //! ```
 

@@ -15,9 +15,9 @@ use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-use super::array_file::{ArrayFile, Entry, place_of};
+use super::array_file::{ArrayFile, Entry, location_of};
 use super::npy;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::{MOST_BYTES, read_file, write_file};
 
 /// How arrays lie in an archive.
@@ -38,22 +38,26 @@ const ENDING: &str = ".npy";
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_npz_bytes`].
 pub fn read_npz(path: impl AsRef<Path>) -> Result<ArrayFile, SceneError> {
-    read_npz_bytes(&read_file(path.as_ref())?, &Place::new(path))
+    read_npz_bytes(&read_file(path.as_ref())?, &Location::new(path))
 }
 
-/// The arrays in an npz file of these `bytes`. `place` names the file in errors.
+/// The arrays in an npz file of these `bytes`. `location` names the file in errors.
 ///
 /// # Errors
 /// [`SceneError::Content`] for what is no zip file or a broken one, for a broken npy file in it, for a name
 /// that is there twice, and for one that no file in a folder could have; [`SceneError::TooLarge`] beyond
 /// [`MOST_BYTES`] of unpacked files.
-pub fn read_npz_bytes(bytes: &[u8], place: &Place) -> Result<ArrayFile, SceneError> {
-    unpacked(bytes, place, MOST_BYTES)
+pub fn read_npz_bytes(bytes: &[u8], location: &Location) -> Result<ArrayFile, SceneError> {
+    unpacked(bytes, location, MOST_BYTES)
 }
 
 /// The arrays of an archive whose files have at most so many bytes together.
-pub(super) fn unpacked(bytes: &[u8], place: &Place, most: u64) -> Result<ArrayFile, SceneError> {
-    let wrong = |message: String| SceneError::content(place.clone(), message);
+pub(super) fn unpacked(
+    bytes: &[u8],
+    location: &Location,
+    most: u64,
+) -> Result<ArrayFile, SceneError> {
+    let wrong = |message: String| SceneError::content(location.clone(), message);
     let broken =
         |error: &dyn std::fmt::Display| wrong(format!("the archive can't be read: {error}"));
     if !bytes.starts_with(b"PK") {
@@ -69,7 +73,7 @@ pub(super) fn unpacked(bytes: &[u8], place: &Place, most: u64) -> Result<ArrayFi
         let rule = "each file of an archive has bytes of its own";
         return Err(wrong(format!("{rule}, and some of these share theirs")));
     }
-    let mut file = ArrayFile::from_file(place.clone());
+    let mut file = ArrayFile::from_file(location.clone());
     let mut left = most;
     for index in 0..archive.len() {
         let mut packed = archive.by_index(index).map_err(|error| broken(&error))?;
@@ -90,17 +94,17 @@ pub(super) fn unpacked(bytes: &[u8], place: &Place, most: u64) -> Result<ArrayFi
         check_name(&name).map_err(&wrong)?;
         let mut unpacked = Vec::new();
         let read = packed.by_ref().take(left + 1).read_to_end(&mut unpacked);
-        let array_place = place_of(place, &name);
+        let array_location = location_of(location, &name);
         if let Err(error) = read {
             let message = format!("the file can't be unpacked: {error}");
-            return Err(SceneError::content(array_place, message));
+            return Err(SceneError::content(array_location, message));
         }
         let Some(rest) = left.checked_sub(unpacked.len() as u64) else {
-            let (place, what) = (place.clone(), "bytes of unpacked arrays");
-            return Err(SceneError::TooLarge { place, what, most, found: most + 1 });
+            let (location, what) = (location.clone(), "bytes of unpacked arrays");
+            return Err(SceneError::TooLarge { location, what, most, found: most + 1 });
         };
         left = rest;
-        let entry = match npy::decode(&unpacked, &array_place)? {
+        let entry = match npy::decode(&unpacked, &array_location)? {
             Ok(array) => Entry::Array(array),
             Err(foreign) => Entry::Foreign(foreign),
         };
@@ -127,7 +131,7 @@ pub fn write_npz(
 /// [`SceneError::Content`] for a name that no file in a folder could have, for `bf16`, and for metadata, which
 /// an npz file has no place for.
 pub fn npz(arrays: &ArrayFile, packing: Packing) -> Result<Vec<u8>, SceneError> {
-    let wrong = |message: String| SceneError::content(arrays.place().clone(), message);
+    let wrong = |message: String| SceneError::content(arrays.location().clone(), message);
     if let Some(key) = arrays.metadata.keys().next() {
         return Err(wrong(format!("an npz file has no metadata, and there is {key:?}")));
     }

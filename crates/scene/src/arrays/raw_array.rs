@@ -4,7 +4,7 @@ use bokashi_core::{Shape, Tensor};
 use bokashi_fit::Stored;
 
 use super::number_type::{NumberType, Refused};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// The most axes of an array: as many as NumPy has.
 pub(super) const MOST_AXES: usize = 64;
@@ -19,7 +19,7 @@ const NOWHERE: &str = "an array";
 #[derive(Debug, Clone)]
 pub struct RawArray {
     /// The file that it is in, for errors.
-    place: Place,
+    location: Location,
     kind: NumberType,
     shape: Shape,
     /// Row-major, the lowest byte of each number first.
@@ -43,12 +43,12 @@ impl RawArray {
         shape: impl Into<Shape>,
         bytes: Vec<u8>,
     ) -> Result<Self, SceneError> {
-        Self::from_file(Place::new(NOWHERE), kind, shape.into(), bytes)
+        Self::from_file(Location::new(NOWHERE), kind, shape.into(), bytes)
     }
 
-    /// [`RawArray::new`] of an array in the file at `place`.
+    /// [`RawArray::new`] of an array in the file at `location`.
     pub(super) fn from_file(
-        place: Place,
+        location: Location,
         kind: NumberType,
         shape: Shape,
         bytes: Vec<u8>,
@@ -56,9 +56,9 @@ impl RawArray {
         if bytes_of(kind, &shape) != Some(bytes.len()) {
             let rule = format!("an array of shape {shape} has {}", needed(kind, &shape));
             let message = format!("{rule}, and there are {} bytes", bytes.len());
-            return Err(SceneError::content(place, message));
+            return Err(SceneError::content(location, message));
         }
-        let array = Self { place, kind, shape, bytes };
+        let array = Self { location, kind, shape, bytes };
         array.check_axes()?;
         Ok(array)
     }
@@ -76,7 +76,7 @@ impl RawArray {
 
     /// What is wrong with this array.
     pub(super) fn wrong(&self, message: impl std::fmt::Display) -> SceneError {
-        SceneError::content(self.place.clone(), message)
+        SceneError::content(self.location.clone(), message)
     }
 
     /// The extents per axis, outermost first.
@@ -174,7 +174,7 @@ pub(super) fn needed(kind: NumberType, shape: &[usize]) -> String {
 impl<T: Stored> From<&Tensor<T>> for RawArray {
     fn from(tensor: &Tensor<T>) -> Self {
         Self {
-            place: Place::new(NOWHERE),
+            location: Location::new(NOWHERE),
             kind: NumberType::for_stored::<T>(),
             shape: tensor.shape().clone(),
             bytes: T::bytes(tensor.data()),
@@ -192,7 +192,7 @@ impl<T: Stored> From<Tensor<T>> for RawArray {
 impl<const N: usize> From<&[[u32; N]]> for RawArray {
     fn from(rows: &[[u32; N]]) -> Self {
         Self {
-            place: Place::new(NOWHERE),
+            location: Location::new(NOWHERE),
             kind: NumberType::U32,
             shape: [rows.len(), N].into(),
             bytes: rows.as_flattened().iter().flat_map(|index| index.to_le_bytes()).collect(),

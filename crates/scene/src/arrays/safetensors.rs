@@ -23,10 +23,10 @@ use bokashi_core::Shape;
 use safetensors::tensor::{Metadata, SafeTensors, TensorInfo};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
-use super::array_file::{ArrayFile, Entry, place_of};
+use super::array_file::{ArrayFile, Entry, location_of};
 use super::number_type::{NumberType, foreign};
 use super::raw_array::RawArray;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::{read_file, write_file};
 
 /// The name of the metadata in a header.
@@ -40,31 +40,31 @@ const LENGTH: usize = 8;
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_safetensors_bytes`].
 pub fn read_safetensors(path: impl AsRef<Path>) -> Result<ArrayFile, SceneError> {
-    read_safetensors_bytes(&read_file(path.as_ref())?, &Place::new(path))
+    read_safetensors_bytes(&read_file(path.as_ref())?, &Location::new(path))
 }
 
 /// The arrays and the metadata in a safetensors file of these `bytes`, in the order of their numbers there;
-/// those without entries by name. `place` names the file in errors.
+/// those without entries by name. `location` names the file in errors.
 ///
 /// # Errors
 /// [`SceneError::Content`] for what is no safetensors file, and for numbers that are too few or too many.
-pub fn read_safetensors_bytes(bytes: &[u8], place: &Place) -> Result<ArrayFile, SceneError> {
+pub fn read_safetensors_bytes(bytes: &[u8], location: &Location) -> Result<ArrayFile, SceneError> {
     let wrong = |error: &dyn std::fmt::Display| {
-        SceneError::content(place.clone(), format!("a safetensors file is needed here: {error}"))
+        SceneError::content(location.clone(), format!("a safetensors file is needed here: {error}"))
     };
     let (length, header) = SafeTensors::read_metadata(bytes).map_err(|error| wrong(&error))?;
     let numbers = &bytes[LENGTH + length..];
     let mut all: Vec<_> = header.tensors().into_iter().collect();
     all.sort_by(|(a, info), (b, other)| (info.data_offsets, a).cmp(&(other.data_offsets, b)));
-    let mut file = ArrayFile::from_file(place.clone());
+    let mut file = ArrayFile::from_file(location.clone());
     for (name, info) in all {
         let entry = match NumberType::ALL.into_iter().find(|kind| kind.dtype() == info.dtype) {
             Some(kind) => {
-                let array_place = place_of(place, &name);
+                let array_location = location_of(location, &name);
                 let (from, to) = info.data_offsets;
                 let shape = Shape::from(info.shape.as_slice());
                 Entry::Array(RawArray::from_file(
-                    array_place,
+                    array_location,
                     kind,
                     shape,
                     numbers[from..to].to_vec(),
@@ -94,7 +94,7 @@ pub fn write_safetensors(path: impl AsRef<Path>, arrays: &ArrayFile) -> Result<(
 pub fn safetensors(arrays: &ArrayFile) -> Result<Vec<u8>, SceneError> {
     let wrong = |error: &dyn std::fmt::Display| {
         let message = format!("the safetensors file can't be made: {error}");
-        SceneError::content(arrays.place().clone(), message)
+        SceneError::content(arrays.location().clone(), message)
     };
     let mut all = arrays.arrays()?;
     all.sort_by_key(|(_, array)| std::cmp::Reverse(array.number_type().bytes()));

@@ -40,7 +40,7 @@ use super::camera_file::CameraFile;
 use super::distortion::Distortion;
 use super::keys::{self, Keys};
 use super::rotation::pose;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::picture::Picture;
 
@@ -139,29 +139,29 @@ struct Written {
 pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<CameraFile, SceneError> {
     let path = path.as_ref();
     let text = folder.read_text(path)?;
-    let place = Place::new(folder.join(path));
+    let location = Location::new(folder.join(path));
     // Piece by piece, since what serde flattens has no line. A frame has a path and a matrix, so that there are
     // not many more than the text has lines.
-    let frames: Frames<Frame> = parsed(&text, &place)?;
-    let common: Lens = parsed(&text, &place)?;
-    let lenses: Frames<Lens> = parsed(&text, &place)?;
+    let frames: Frames<Frame> = parsed(&text, &location)?;
+    let common: Lens = parsed(&text, &location)?;
+    let lenses: Frames<Lens> = parsed(&text, &location)?;
     let (all, keys_of_frames): (Keys, Frames<Keys>) =
-        (parsed(&text, &place)?, parsed(&text, &place)?);
+        (parsed(&text, &location)?, parsed(&text, &location)?);
     let mut notes = keys::notes(&all, &keys_of_frames.frames)
-        .map_err(|rule| SceneError::content(place.clone(), rule))?;
+        .map_err(|rule| SceneError::content(location.clone(), rule))?;
     let mut names = BTreeSet::new();
     let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
         let file_path = frame.file_path.replace('\\', "/");
         let name = file_path.strip_prefix("./").unwrap_or(&file_path).to_owned();
         let content = |message: String| {
-            SceneError::content(place.clone(), format!("frame {name:?}: {message}"))
+            SceneError::content(location.clone(), format!("frame {name:?}: {message}"))
         };
         if !names.insert(name.clone()) {
             return Err(content(
                 "a frame has an image of its own, and this is repeated".to_owned(),
             ));
         }
-        let image = image_of(folder, path, &name, &place)?;
+        let image = image_of(folder, path, &name, &location)?;
         let mask = frame.mask_path.filter(|mask| !mask.is_empty());
         let mask = mask.map(|mask| mask_of(folder, path, &mask));
         let lens = lens.or(&common);
@@ -214,13 +214,13 @@ fn slashes(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
-fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, SceneError> {
+fn parsed<'t, F: Deserialize<'t>>(text: &'t str, location: &Location) -> Result<F, SceneError> {
     serde_json::from_str(text).map_err(|error| {
         let [line, column] =
             [error.line(), error.column()].map(|count| Some(count).filter(|count| *count > 0));
-        let place = Place { line, column, ..place.clone() };
+        let location = Location { line, column, ..location.clone() };
         let rule = json_message(&error);
-        SceneError::content(place, format!("a file of cameras is JSON with frames: {rule}"))
+        SceneError::content(location, format!("a file of cameras is JSON with frames: {rule}"))
     })
 }
 
@@ -240,7 +240,7 @@ fn image_of(
     folder: &Folder,
     path: &Path,
     name: &str,
-    place: &Place,
+    location: &Location,
 ) -> Result<PathBuf, SceneError> {
     let parent = path.parent().unwrap_or(Path::new(""));
     // Relative to the folder, also where the file of cameras was not.
@@ -256,7 +256,7 @@ fn image_of(
     let rule = "a frame has an image, with or without the ending .png, .jpg, .jpeg or .exr";
     let message =
         format!("{rule}, and there is none at {}", folder.join(parent).join(name).display());
-    Err(SceneError::content(place.clone(), message))
+    Err(SceneError::content(location.clone(), message))
 }
 
 /// A size of whole pixels.

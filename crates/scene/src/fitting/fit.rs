@@ -11,7 +11,7 @@ use bokashi_fit::{
 
 use super::stage::{StagePipeline, check_stages, set_rates, settings, views_of, views_per_step};
 use crate::description::{Count, Description, Stage};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::given::starts;
 use crate::learnables::Values;
 use crate::learning::{Learnt, LearntRate};
@@ -409,7 +409,7 @@ fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneError> {
     if views.is_empty() {
         let rule = "a fit has a view with an image that is not held out";
         let message = format!("{rule}, and none of {} views is one", scene.views.len());
-        return Err(SceneError::content(Place::new(&scene.path), message));
+        return Err(SceneError::content(Location::new(&scene.path), message));
     }
     Ok(views)
 }
@@ -431,7 +431,7 @@ mod tests {
                 Samples::U8((0..12 * 12 * 3).map(|k| (k * (view + 3) % 256) as u8).collect());
             let picture = Picture { width: 12, height: 12, channels: 3, samples };
             let file = folder.join(format!("{view}.png"));
-            fs::write(&file, picture.encode_png(&Place::new(&file)).unwrap()).unwrap();
+            fs::write(&file, picture.encode_png(&Location::new(&file)).unwrap()).unwrap();
             text += &format!("[[views]]\nimage = \"{view}.png\"\nheld_out = {}\n", view == 2);
             text += &format!("camera = {{ position = [0.3, {view}.0, 4.0], angle = 40.0 }}\n");
         }

@@ -9,7 +9,7 @@ use bokashi_fit::{
 };
 
 use crate::description::{LossKind, Stage};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::learnables::Values;
 use crate::learning::{LearntRate, Regularizer};
 use crate::renderer::Renderer;
@@ -74,7 +74,10 @@ pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), Sc
         None => Ok(()),
         Some(name) => {
             let rule = format!("a stage learns some of {}", known.join(", "));
-            Err(SceneError::content(Place::new(&scene.path), format!("{rule}, and not {name:?}")))
+            Err(SceneError::content(
+                Location::new(&scene.path),
+                format!("{rule}, and not {name:?}"),
+            ))
         }
     }
 }

@@ -8,7 +8,7 @@ use bokashi_render_ops::RenderError;
 
 use super::frame::Frame;
 use crate::description::{Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Positive};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::object::Object;
 use crate::scene::Scene;
 
@@ -142,7 +142,7 @@ impl Learnable {
         let mut parameters = Vec::new();
         for (index, name) in self.chosen(scene, entry.meshes)? {
             if let Some(message) = (self.refusal)(scene, index, &name) {
-                return Err(SceneError::content(Place::new(&scene.path), message));
+                return Err(SceneError::content(Location::new(&scene.path), message));
             }
             let Some(start) = (self.start)(scene, index) else { continue };
             let margin = self.margin;
@@ -185,7 +185,7 @@ impl Learnable {
                 let rule =
                     format!("`meshes` of `learn.{}` are among {}", self.key, known.join(", "));
                 let message = format!("{rule}, and {name:?} is not");
-                return Err(SceneError::content(Place::new(&scene.path), message));
+                return Err(SceneError::content(Location::new(&scene.path), message));
             }
         }
         let mut seen = HashSet::new();

@@ -1,11 +1,11 @@
 //! Whether a model in memory can be written.
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
 
 /// What stands in errors for the file, where a model comes from memory.
-pub(super) fn place() -> Place {
-    Place::new("the model to be written")
+pub(super) fn location() -> Location {
+    Location::new("the model to be written")
 }
 
 /// Refuses a geometry whose index buffers or numbers break a rule.
@@ -42,7 +42,7 @@ pub(super) fn check_number(what: &str, number: usize, count: usize) -> Result<()
         false => {
             let message =
                 format!("the model has {count} of the kind {what:?}, and number {number} is named");
-            Err(SceneError::content(place(), message))
+            Err(SceneError::content(location(), message))
         }
     }
 }
@@ -87,5 +87,5 @@ fn rows<const N: usize>(
 }
 
 fn refused(name: &str, rule: impl std::fmt::Display) -> SceneError {
-    SceneError::content(place(), format!("the mesh {name:?} {rule}"))
+    SceneError::content(location(), format!("the mesh {name:?} {rule}"))
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::notes::{self, Notes};
@@ -37,18 +37,18 @@ impl<'a> MeshContext<'a> {
     }
 
     /// All of the mesh file.
-    pub(super) fn place(&self) -> Place {
-        Place::new(self.folder.join(&self.path))
+    pub(super) fn location(&self) -> Location {
+        Location::new(self.folder.join(&self.path))
     }
 
     /// A line of the mesh file.
-    pub(super) fn line(&self, line: usize) -> Place {
-        Place::line(self.folder.join(&self.path), line)
+    pub(super) fn line(&self, line: usize) -> Location {
+        Location::line(self.folder.join(&self.path), line)
     }
 
     /// An error of the mesh file.
     pub(super) fn error(&self, message: impl fmt::Display) -> SceneError {
-        SceneError::content(self.place(), message)
+        SceneError::content(self.location(), message)
     }
 
     /// An error in a line of the mesh file.
@@ -64,8 +64,8 @@ impl<'a> MeshContext<'a> {
     }
 
     /// Where the file called `name` lies, for messages.
-    pub(super) fn place_of(&self, name: &str) -> Place {
-        Place::new(self.folder.join(self.path_of(name)))
+    pub(super) fn location_of(&self, name: &str) -> Location {
+        Location::new(self.folder.join(self.path_of(name)))
     }
 
     /// The path without links of the file called `name`, or nothing where there is no such file.
@@ -93,7 +93,8 @@ impl<'a> MeshContext<'a> {
         if let Some(&number) = self.numbers.get(&path) {
             return Ok(number);
         }
-        let number = self.decode(&self.read(name)?, &self.place_of(name), &notes::quoted(name))?;
+        let number =
+            self.decode(&self.read(name)?, &self.location_of(name), &notes::quoted(name))?;
         self.numbers.insert(path, number);
         Ok(number)
     }
@@ -102,10 +103,10 @@ impl<'a> MeshContext<'a> {
     pub(super) fn decode(
         &mut self,
         bytes: &[u8],
-        place: &Place,
+        location: &Location,
         name: &str,
     ) -> Result<Option<usize>, SceneError> {
-        match Picture::decode_within(bytes, self.memory(), place) {
+        match Picture::decode_within(bytes, self.memory(), location) {
             Ok(picture) => self.images.push(picture),
             Err(SceneError::Content { message, .. }) => {
                 self.notes
@@ -114,7 +115,7 @@ impl<'a> MeshContext<'a> {
             }
             Err(error) => return Err(error),
         }
-        for remark in Picture::remarks(bytes, place).unwrap_or_default() {
+        for remark in Picture::remarks(bytes, location).unwrap_or_default() {
             self.notes.add(format!("the image {name}: {remark}"));
         }
         Ok(Some(self.images.len() - 1))

@@ -36,7 +36,7 @@ pub use self::options::MeshOptions;
 pub use self::write_glb::glb;
 pub use self::write_obj::{ObjFiles, obj};
 pub use self::write_ply::ply;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::mesh::context::MeshContext;
 use crate::model::Model;
@@ -70,7 +70,7 @@ impl MeshKind {
             _ => {
                 let rule = "a mesh file is an .obj, .ply, .gltf or .glb file";
                 let message = format!("{rule}, and the extension is {extension:?}");
-                Err(SceneError::content(Place::new(path), message))
+                Err(SceneError::content(Location::new(path), message))
             }
         }
     }
@@ -107,7 +107,7 @@ pub(crate) fn read_counted(
 ) -> Result<Model, SceneError> {
     let kind = MeshKind::from_path(path).map_err(|error| match error {
         SceneError::Content { message, .. } => {
-            SceneError::content(Place::new(folder.join(path)), message)
+            SceneError::content(Location::new(folder.join(path)), message)
         }
         other => other,
     })?;

@@ -23,7 +23,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::notes::Notes;
 use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
 
@@ -70,11 +70,11 @@ impl Welder {
     pub(super) fn weld(
         &mut self,
         raw: Raw<'_>,
-        place: &Place,
+        location: &Location,
         notes: &mut Notes,
     ) -> Result<Option<Geometry>, SceneError> {
         let Raw { name, submeshes, is_welded, positions, .. } = raw;
-        let (positions, mut local) = self.positions(&positions, place)?;
+        let (positions, mut local) = self.positions(&positions, location)?;
         let same = same_rows(&positions);
         if is_welded {
             local.iter_mut().flatten().for_each(|number| *number = same[*number as usize]);
@@ -144,7 +144,7 @@ impl Welder {
     fn positions(
         &mut self,
         Corners { rows, faces }: &Corners<'_, 3>,
-        place: &Place,
+        location: &Location,
     ) -> Result<Positions, SceneError> {
         let (mut named, mut local) = self.pick(rows.len(), faces);
         // In the order of the file, where the corners had them in theirs.
@@ -162,7 +162,7 @@ impl Welder {
             Some(k) => {
                 let found = format!("vertex {} is at {:?}", named[k], positions[k]);
                 Err(SceneError::content(
-                    place.clone(),
+                    location.clone(),
                     format!("positions are finite, and {found}"),
                 ))
             }

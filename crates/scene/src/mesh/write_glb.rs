@@ -17,7 +17,7 @@ use std::mem;
 use bokashi_render_ops::TextureBorder;
 use serde_json::{Value, json};
 
-use super::check::{check, check_number, place};
+use super::check::{check, check_number, location};
 use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
 use crate::model::{Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, Placed, Submesh};
@@ -49,7 +49,7 @@ pub fn glb(model: &Model) -> Result<Vec<u8>, SceneError> {
         .collect::<Result<_, _>>()?;
     let mut images = Vec::new();
     for image in &model.images {
-        let view = file.view(&image.encode_png(&place())?, None);
+        let view = file.view(&image.encode_png(&location())?, None);
         images.push(json!({"bufferView": view, "mimeType": "image/png"}));
     }
     let mut textures = Textures { images: images.len(), ..Textures::default() };
@@ -200,7 +200,7 @@ fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
     let matrix = placed.transform.to_cols_array();
     if !matrix.iter().all(|&number| (number as f32).is_finite()) {
         let message = format!("a matrix is finite, and that of {:?} is {matrix:?}", placed.name);
-        return Err(SceneError::content(place(), message));
+        return Err(SceneError::content(location(), message));
     }
     let mut node = json!({"mesh": placed.geometry});
     if placed.transform != glam::DMat4::IDENTITY {
@@ -256,7 +256,7 @@ fn material_of(material: &MaterialFile, textures: &mut Textures) -> Result<Value
         let all: Vec<f32> = numbers.copied().collect();
         let message =
             format!("the numbers of the material {name:?} are finite, and these are {all:?}");
-        return Err(SceneError::content(place(), message));
+        return Err(SceneError::content(location(), message));
     }
     let base_color = base_color.map(|number| number.clamp(0.0, 1.0));
     let [metallic, roughness] = [metallic, roughness].map(|number| number.clamp(0.0, 1.0));
@@ -300,7 +300,12 @@ fn packed(mut text: Vec<u8>, mut buffer: Vec<u8>) -> Result<Vec<u8>, SceneError>
     let length = 12 + 8 + text.len() + chunk;
     let Ok(total) = u32::try_from(length) else {
         let (what, most) = ("bytes of a GLB", u64::from(u32::MAX));
-        return Err(SceneError::TooLarge { place: place(), what, most, found: length as u64 });
+        return Err(SceneError::TooLarge {
+            location: location(),
+            what,
+            most,
+            found: length as u64,
+        });
     };
     let mut bytes = Vec::with_capacity(length);
     bytes.extend_from_slice(b"glTF");

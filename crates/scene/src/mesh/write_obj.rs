@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use bokashi_render_ops::TextureBorder;
 use glam::{DMat3, DMat4, DVec3};
 
-use super::check::{check, check_number, place};
+use super::check::{check, check_number, location};
 use super::colors::share;
 use super::obj::NO_MATERIAL;
 use crate::error::SceneError;
@@ -39,7 +39,7 @@ pub struct ObjFiles {
 pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
     if name.is_empty() || name.contains(char::is_control) {
         let rule = "the name of an OBJ has letters and no line feed";
-        return Err(SceneError::content(place(), format!("{rule}, and this is {name:?}")));
+        return Err(SceneError::content(location(), format!("{rule}, and this is {name:?}")));
     }
     let mut files =
         ObjFiles { obj: format!("mtllib {name}.mtl\n"), mtl: String::new(), images: Vec::new() };
@@ -89,7 +89,7 @@ impl ObjFiles {
             material;
         let mut image = |picture: &Picture| {
             let file = format!("{name}-{}.png", self.images.len() + 1);
-            self.images.push((file.clone(), picture.encode_png(&place())?));
+            self.images.push((file.clone(), picture.encode_png(&location())?));
             Ok::<_, SceneError>(file)
         };
         // The image of a map, and its options. MTL has no mirrored images, and one border for both axes.

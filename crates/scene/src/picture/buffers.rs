@@ -3,7 +3,7 @@
 use image::{DynamicImage, ImageBuffer, Pixel};
 
 use super::samples::{Picture, Samples};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// What errors call an image that comes from no file.
 const NOWHERE: &str = "an image";
@@ -30,11 +30,11 @@ impl Picture {
             other => {
                 let rule = "samples of an image have 8, 16 or 32 bits";
                 let message = format!("{rule}, and these are {:?}", other.color());
-                return Err(SceneError::content(Place::new(NOWHERE), message));
+                return Err(SceneError::content(Location::new(NOWHERE), message));
             }
         };
         let picture = Self { width, height, channels, samples };
-        picture.checked(&Place::new(NOWHERE))?;
+        picture.checked(&Location::new(NOWHERE))?;
         Ok(picture)
     }
 
@@ -44,9 +44,9 @@ impl Picture {
     /// [`SceneError::Content`] without a pixel, where the number of samples is not that of the pixels, and for
     /// 32 bits of one channel or two, which the crate `image` does not have.
     pub fn into_image(self) -> Result<DynamicImage, SceneError> {
-        let place = Place::new(NOWHERE);
-        self.checked(&place)?;
-        let wrong = |message: String| SceneError::content(place.clone(), message);
+        let location = Location::new(NOWHERE);
+        self.checked(&location)?;
+        let wrong = |message: String| SceneError::content(location.clone(), message);
         let (Ok(width), Ok(height)) = (u32::try_from(self.width), u32::try_from(self.height))
         else {
             let [width, height] = [self.width, self.height];

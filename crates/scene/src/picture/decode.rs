@@ -6,7 +6,7 @@ use super::header::Header;
 use super::samples::{Picture, guarded};
 use super::turn::Turn;
 use super::{jpeg_file, open_exr, png_file, radiance};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::memory::Memory;
 
@@ -37,7 +37,7 @@ const OTHERS: [(usize, &[u8], &str); 9] = [
 
 impl Format {
     /// The format of a file, by its first bytes.
-    pub(super) fn detect(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
+    pub(super) fn detect(bytes: &[u8], location: &Location) -> Result<Self, SceneError> {
         let begins = |magic: &[u8]| bytes.starts_with(magic);
         if begins(b"\x89PNG\r\n\x1a\n") {
             return Ok(Self::Png);
@@ -56,7 +56,10 @@ impl Format {
         };
         if let Some((_, _, name)) = OTHERS.iter().find(|other| is(other)) {
             let rule = "an image is a PNG, JPEG, EXR or HDR file";
-            return Err(SceneError::content(place.clone(), format!("{rule}, and this is {name}")));
+            return Err(SceneError::content(
+                location.clone(),
+                format!("{rule}, and this is {name}"),
+            ));
         }
         let first: Vec<String> = bytes.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
         let found = match first.is_empty() {
@@ -64,44 +67,44 @@ impl Format {
             false => format!("the file begins with the bytes {}", first.join(" ")),
         };
         let message = format!("an image is a PNG, JPEG, EXR or HDR file, and {found}");
-        Err(SceneError::content(place.clone(), message))
+        Err(SceneError::content(location.clone(), message))
     }
 }
 
 impl Picture {
     /// The image of a PNG, JPEG, EXR or HDR file of these `bytes`, as it is stored. Errors name the file by
-    /// `place`.
+    /// `location`.
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format, for a file that is cut short or broken, and for
     /// samples that are not finite; [`SceneError::TooLarge`] beyond [`MOST_SAMPLES`](super::MOST_SAMPLES);
     /// [`SceneError::Memory`] where that is less.
-    pub fn decode(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
-        Self::decode_within(bytes, &Memory::default(), place)
+    pub fn decode(bytes: &[u8], location: &Location) -> Result<Self, SceneError> {
+        Self::decode_within(bytes, &Memory::default(), location)
     }
 
     /// As [`Picture::decode`], of an image whose samples stay in `memory`.
     pub(crate) fn decode_within(
         bytes: &[u8],
         memory: &Memory,
-        place: &Place,
+        location: &Location,
     ) -> Result<Self, SceneError> {
-        let decode = match Format::detect(bytes, place)? {
+        let decode = match Format::detect(bytes, location)? {
             Format::Png => png_file::decode,
             Format::Jpeg => jpeg_file::decode,
             Format::Exr => open_exr::decode,
             Format::Radiance => radiance::decode,
         };
-        guarded(place, || decode(bytes, memory, place))
+        guarded(location, || decode(bytes, memory, location))
     }
 
     /// As [`Picture::decode`], turned as viewers turn it.
     ///
     /// # Errors
     /// As [`Picture::decode`].
-    pub fn decode_upright(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
-        let picture = Self::decode(bytes, place)?;
-        Ok(match Self::decode_turn(bytes, place)? {
+    pub fn decode_upright(bytes: &[u8], location: &Location) -> Result<Self, SceneError> {
+        let picture = Self::decode(bytes, location)?;
+        Ok(match Self::decode_turn(bytes, location)? {
             Some(turn) => turn.apply(&picture),
             None => picture,
         })
@@ -112,8 +115,8 @@ impl Picture {
     ///
     /// # Errors
     /// As [`Picture::decode_size`].
-    pub fn decode_turn(bytes: &[u8], place: &Place) -> Result<Option<Turn>, SceneError> {
-        Ok(header(bytes, bytes.len(), place)?.turn())
+    pub fn decode_turn(bytes: &[u8], location: &Location) -> Result<Option<Turn>, SceneError> {
+        Ok(header(bytes, bytes.len(), location)?.turn())
     }
 
     /// The columns and rows of the image that [`Picture::decode`] answers, from the header alone.
@@ -121,8 +124,8 @@ impl Picture {
     /// # Errors
     /// [`SceneError::Content`] for another format and for a broken header; [`SceneError::TooLarge`]
     /// beyond [`MOST_SAMPLES`](super::MOST_SAMPLES).
-    pub fn decode_size(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
-        header_size(bytes, bytes.len(), place)
+    pub fn decode_size(bytes: &[u8], location: &Location) -> Result<[usize; 2], SceneError> {
+        header_size(bytes, bytes.len(), location)
     }
 
     /// As [`Picture::decode_size`], of the file at `path`, of which no more is read than is needed.
@@ -131,12 +134,12 @@ impl Picture {
     /// As [`Folder::read`] and [`Picture::decode_size`].
     pub fn read_size(folder: &Folder, path: impl AsRef<Path>) -> Result<[usize; 2], SceneError> {
         let path = path.as_ref();
-        let place = Place::new(folder.join(path));
+        let location = Location::new(folder.join(path));
         let (bytes, length) = folder.read_start(path, START)?;
         let length = usize::try_from(length).unwrap_or(usize::MAX);
-        match header_size(&bytes, length, &place) {
+        match header_size(&bytes, length, &location) {
             // A header may be longer.
-            Err(_) if length > bytes.len() => Self::decode_size(&folder.read(path)?, &place),
+            Err(_) if length > bytes.len() => Self::decode_size(&folder.read(path)?, &location),
             result => result,
         }
     }
@@ -146,20 +149,24 @@ impl Picture {
 pub(super) fn header_size(
     bytes: &[u8],
     length: usize,
-    place: &Place,
+    location: &Location,
 ) -> Result<[usize; 2], SceneError> {
-    Ok(header(bytes, length, place)?.size)
+    Ok(header(bytes, length, location)?.size)
 }
 
 /// What a file of `length` bytes that begins with `bytes` says before its pixels.
-pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
-    let read = match Format::detect(bytes, place)? {
+pub(super) fn header(
+    bytes: &[u8],
+    length: usize,
+    location: &Location,
+) -> Result<Header, SceneError> {
+    let read = match Format::detect(bytes, location)? {
         Format::Png => png_file::header,
         Format::Jpeg => jpeg_file::header,
         Format::Exr => open_exr::header,
         Format::Radiance => radiance::header,
     };
-    guarded(place, || read(bytes, length, place))
+    guarded(location, || read(bytes, length, location))
 }
 
 #[cfg(test)]
@@ -168,7 +175,7 @@ mod tests {
     use crate::picture::Samples;
 
     fn decoded(bytes: &[u8]) -> Picture {
-        Picture::decode(bytes, &Place::new("a")).unwrap()
+        Picture::decode(bytes, &Location::new("a")).unwrap()
     }
 
     type Kind = (png::ColorType, png::BitDepth);

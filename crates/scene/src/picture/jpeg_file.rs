@@ -7,7 +7,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::header::Header;
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 type Decoder<'b> = JpegDecoder<ZCursor<&'b [u8]>>;
@@ -17,7 +17,7 @@ type Decoder<'b> = JpegDecoder<ZCursor<&'b [u8]>>;
 fn opened<'b>(
     bytes: &'b [u8],
     length: usize,
-    place: &Place,
+    location: &Location,
 ) -> Result<(Decoder<'b>, [usize; 3]), SceneError> {
     // Sizes are checked below. What is odd and can be read is read.
     let options = DecoderOptions::default()
@@ -25,7 +25,7 @@ fn opened<'b>(
         .set_max_width(usize::MAX)
         .set_max_height(usize::MAX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(|error| broken(&error, place))?;
+    decoder.decode_headers().map_err(|error| broken(&error, location))?;
     let color = match decoder.input_colorspace() {
         Some(ColorSpace::Luma) => ColorSpace::Luma,
         _ => ColorSpace::RGB,
@@ -33,28 +33,36 @@ fn opened<'b>(
     decoder.set_options(options.jpeg_set_out_colorspace(color));
     let (width, height) = decoder.dimensions().unwrap_or_default();
     let channels = color.num_components();
-    check_size([width as u64, height as u64], channels as u64, (length, DENSEST), place)?;
+    check_size([width as u64, height as u64], channels as u64, (length, DENSEST), location)?;
     Ok((decoder, [width, height, channels]))
 }
 
 /// What a file of `length` bytes that begins with `bytes` says before its pixels.
-pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
-    let (decoder, [width, height, _]) = opened(bytes, length, place)?;
+pub(super) fn header(
+    bytes: &[u8],
+    length: usize,
+    location: &Location,
+) -> Result<Header, SceneError> {
+    let (decoder, [width, height, _]) = opened(bytes, length, location)?;
     let (profile, exif) = (decoder.icc_profile(), decoder.exif().cloned());
     Ok(Header { size: [width, height], profile, exif })
 }
 
 /// The image as it is stored.
-pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
+pub(super) fn decode(
+    bytes: &[u8],
+    memory: &Memory,
+    location: &Location,
+) -> Result<Picture, SceneError> {
     if !has_end(bytes) {
         let message = "a JPEG has a marker at the end of its pixels, and this is cut short";
-        return Err(SceneError::content(place.clone(), message));
+        return Err(SceneError::content(location.clone(), message));
     }
-    let (mut decoder, [width, height, channels]) = opened(bytes, bytes.len(), place)?;
+    let (mut decoder, [width, height, channels]) = opened(bytes, bytes.len(), location)?;
     let count = width * height * channels;
-    claim([width as u64, height as u64], count as u64, memory, place)?;
+    claim([width as u64, height as u64], count as u64, memory, location)?;
     let mut samples = vec![0; count];
-    decoder.decode_into(&mut samples).map_err(|error| broken(&error, place))?;
+    decoder.decode_into(&mut samples).map_err(|error| broken(&error, location))?;
     Ok(Picture { width, height, channels, samples: Samples::U8(samples) })
 }
 

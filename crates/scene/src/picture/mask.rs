@@ -17,7 +17,7 @@ use bokashi_core::Tensor;
 
 use super::color::ColorSpace;
 use super::samples::{Picture, Samples};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 /// Bytes that a pixel of a mask takes while it is read: its colour twice, and numbers of it.
@@ -73,7 +73,7 @@ impl fmt::Display for MaskKind {
 }
 
 impl Mask {
-    /// What the image of a mask's file says. `place` names the file in errors.
+    /// What the image of a mask's file says. `location` names the file in errors.
     ///
     /// # Errors
     /// [`SceneError::Content`] for numbers that are below 0, beyond 1 or in no way a mask; [`SceneError::Memory`]
@@ -81,11 +81,11 @@ impl Mask {
     ///
     /// # Panics
     /// As [`Picture::color`].
-    pub fn from_picture(picture: &Picture, place: &Place) -> Result<Self, SceneError> {
-        let wrong = |message: String| SceneError::content(place.clone(), message);
+    pub fn from_picture(picture: &Picture, location: &Location) -> Result<Self, SceneError> {
+        let wrong = |message: String| SceneError::content(location.clone(), message);
         let what = || format!("a mask of {} x {}", picture.width, picture.height);
         let bytes = OF_MASK_PIXEL * picture.pixels() as u64;
-        Memory::default().check(bytes, place, what)?;
+        Memory::default().check(bytes, location, what)?;
         let is_whole = !matches!(picture.samples, Samples::F32(_));
         let shape = [picture.height, picture.width];
         let of_numbers = |numbers: Vec<f32>| {
@@ -261,7 +261,7 @@ mod tests {
     }
 
     fn mask(picture: &Picture) -> Result<Mask, String> {
-        Mask::from_picture(picture, &Place::new("m.png")).map_err(|error| error.to_string())
+        Mask::from_picture(picture, &Location::new("m.png")).map_err(|error| error.to_string())
     }
 
     /// Checks that the square is the object, said in this way.

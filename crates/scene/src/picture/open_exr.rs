@@ -13,7 +13,7 @@ use exr::prelude::{
 
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
 use super::usual::{aspect_remark, is_srgb};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 /// A file whose header has been read.
@@ -73,7 +73,7 @@ fn layers(header: &Header) -> Vec<String> {
 ///
 /// # Errors
 /// [`SceneError::Content`] where there is none, or one of several layers.
-fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneError> {
+fn chosen(headers: &[Header], location: &Location) -> Result<(usize, Chosen), SceneError> {
     let choice = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::new(header)?)));
     // A part is found by the names of its channels, the first one that has them.
     let choice = choice.filter(|(k, chosen)| match chosen {
@@ -94,14 +94,14 @@ fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneErr
         (None, []) => {
             let rule = "an EXR image has the channels R, G and B, or Y and A, or a single channel";
             let message = format!("{rule}, and no flat layer of this file has");
-            Err(SceneError::content(place.clone(), message))
+            Err(SceneError::content(location.clone(), message))
         }
         (_, several) => {
             let names = several.iter().map(|(_, layer)| layer.trim_end_matches('.'));
             let names = names.collect::<Vec<_>>().join(", ");
             let rule = "of an EXR image the only layer with R, G and B is read";
             let message = format!("{rule}, and this has {}: {names}", several.len());
-            Err(SceneError::content(place.clone(), message))
+            Err(SceneError::content(location.clone(), message))
         }
     }
 }
@@ -111,13 +111,13 @@ fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneErr
 fn opened<'b>(
     bytes: &'b [u8],
     length: usize,
-    place: &Place,
+    location: &Location,
 ) -> Result<(File<'b>, usize, Chosen), SceneError> {
-    let content = |message: String| SceneError::content(place.clone(), message);
+    let content = |message: String| SceneError::content(location.clone(), message);
     let reader =
-        exr::block::read(Cursor::new(bytes), false).map_err(|error| broken(&error, place))?;
+        exr::block::read(Cursor::new(bytes), false).map_err(|error| broken(&error, location))?;
     let headers = reader.headers();
-    let (layer, chosen) = chosen(headers, place)?;
+    let (layer, chosen) = chosen(headers, location)?;
     let header = &headers[layer];
     if let Compression::DWAA(_) | Compression::DWAB(_) = header.compression {
         // Their decoder takes as much memory as a block says.
@@ -136,7 +136,7 @@ fn opened<'b>(
         [(header.layer_size, list.len(), DENSEST_DATA), (display, list.len().min(4), DENSEST)];
     for (size, count, densest) in rules {
         let size = [size.width() as u64, size.height() as u64];
-        check_size(size, count as u64, (length, densest), place)?;
+        check_size(size, count as u64, (length, densest), location)?;
     }
     Ok((reader, layer, chosen))
 }
@@ -145,16 +145,16 @@ fn opened<'b>(
 pub(super) fn header(
     bytes: &[u8],
     length: usize,
-    place: &Place,
+    location: &Location,
 ) -> Result<super::header::Header, SceneError> {
-    let (reader, layer, _) = opened(bytes, length, place)?;
+    let (reader, layer, _) = opened(bytes, length, location)?;
     let size = reader.headers()[layer].shared_attributes.display_window.size;
     Ok(super::header::Header::from_size([size.width(), size.height()]))
 }
 
 /// What a file says that is not done.
-pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
-    let (reader, layer, chosen) = opened(bytes, bytes.len(), place)?;
+pub(super) fn remarks(bytes: &[u8], location: &Location) -> Result<Vec<String>, SceneError> {
+    let (reader, layer, chosen) = opened(bytes, bytes.len(), location)?;
     let headers = reader.headers();
     let (header, shared) = (&headers[layer], &headers[layer].shared_attributes);
     let mut remarks = Vec::new();
@@ -212,18 +212,22 @@ fn named(names: &[String]) -> String {
     }
 }
 
-pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
-    let (reader, layer, chosen) = opened(bytes, bytes.len(), place)?;
+pub(super) fn decode(
+    bytes: &[u8],
+    memory: &Memory,
+    location: &Location,
+) -> Result<Picture, SceneError> {
+    let (reader, layer, chosen) = opened(bytes, bytes.len(), location)?;
     let header = &reader.headers()[layer];
     let display = header.shared_attributes.display_window;
     let (size, position) = (header.layer_size, header.own_attributes.layer_position);
     let bytes =
         |size: Vec2<usize>| 4 * size.area() as u64 * header.channels.list.len().min(4) as u64;
     let [width, height] = [display.size.width(), display.size.height()];
-    claim([width as u64, height as u64], bytes(display.size), memory, place)?;
+    claim([width as u64, height as u64], bytes(display.size), memory, location)?;
     // The data window is there for a time.
     let window = || format!("a data window of {} x {}", size.width(), size.height());
-    memory.check(bytes(size), place, window)?;
+    memory.check(bytes(size), location, window)?;
     let (channels, samples) = match chosen {
         Chosen::Gray(name) => {
             // A channel may be asked for once.
@@ -237,7 +241,7 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
             (channels, color(reader, &layer, channels, size))
         }
     };
-    let samples = samples.map_err(|error| broken(&error, place))?;
+    let samples = samples.map_err(|error| broken(&error, location))?;
     let offset = position - display.position;
     if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {
         let pixel = index / channels;
@@ -245,7 +249,7 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
         let row = (pixel / size.width()) as i64 + i64::from(offset.y());
         let message = format!("pixel ({column}, {row}) has {}", samples[index]);
         return Err(SceneError::content(
-            place.clone(),
+            location.clone(),
             format!("samples are finite, and {message}"),
         ));
     }
@@ -336,18 +340,18 @@ fn shown(
 
 impl Picture {
     /// An EXR file with the image's samples, compressed without loss: channels Y or R, G, B, and A; the same bytes
-    /// for the same image, on every machine. `place` names the file in errors.
+    /// for the same image, on every machine. `location` names the file in errors.
     ///
     /// # Errors
     /// [`SceneError::Content`] for samples of 8 or 16 bits and for those that are not finite,
     /// without a pixel, and where the number of samples is not that of the pixels.
-    pub fn encode_exr(&self, place: &Place) -> Result<Vec<u8>, SceneError> {
-        encode(self.checked(place)?, place)
+    pub fn encode_exr(&self, location: &Location) -> Result<Vec<u8>, SceneError> {
+        encode(self.checked(location)?, location)
     }
 }
 
-fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneError> {
-    let content = |message: String| SceneError::content(place.clone(), message);
+fn encode(picture: &Picture, location: &Location) -> Result<Vec<u8>, SceneError> {
+    let content = |message: String| SceneError::content(location.clone(), message);
     let Samples::F32(samples) = &picture.samples else {
         return Err(content(
             "an EXR image has samples of 32 bits, and these have fewer".to_owned(),
@@ -390,8 +394,8 @@ mod tests {
         bytes
     }
 
-    fn place() -> Place {
-        Place::new("a.exr")
+    fn location() -> Location {
+        Location::new("a.exr")
     }
 
     #[test]
@@ -401,13 +405,13 @@ mod tests {
         for (more, channels) in [("ViewLayer.Combined.A", 4), ("ViewLayer.Mist.Z", 3)] {
             let names = [&blender[..], &[more], &others].concat();
             let bytes = file(&names);
-            let picture = Picture::decode(&bytes, &place()).unwrap();
+            let picture = Picture::decode(&bytes, &location()).unwrap();
             assert_eq!([picture.width, picture.height, picture.channels], [2, 1, channels]);
             let expected = [[1.0, 2.0, 3.0, 4.0], [1.5, 2.5, 3.5, 4.5]];
             let expected = expected.iter().flat_map(|pixel| pixel[..channels].to_vec()).collect();
             assert_eq!(picture.samples, Samples::F32(expected));
-            assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [2, 1]);
-            let message = Picture::remarks(&bytes, &place()).unwrap();
+            assert_eq!(Picture::decode_size(&bytes, &location()).unwrap(), [2, 1]);
+            let message = Picture::remarks(&bytes, &location()).unwrap();
             assert!(message.len() == 1 && message[0].contains("ViewLayer.Depth.Z"), "{message:?}");
         }
     }
@@ -415,17 +419,17 @@ mod tests {
     #[test]
     fn of_several_layers_the_one_without_a_name_is_read_or_none() {
         let two = ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"];
-        let message = Picture::decode(&file(&two), &place()).unwrap_err().to_string();
+        let message = Picture::decode(&file(&two), &location()).unwrap_err().to_string();
         let rule = "of an EXR image the only layer with R, G and B is read, and this has 2: a, b";
         assert_eq!(message, format!("a.exr: {rule}"));
         let bytes = file(&[&["R", "G", "B"][..], &two].concat());
-        let picture = Picture::decode(&bytes, &place()).unwrap();
+        let picture = Picture::decode(&bytes, &location()).unwrap();
         assert_eq!(picture.samples, Samples::F32(vec![1.0, 2.0, 3.0, 1.5, 2.5, 3.5]));
-        let message = Picture::remarks(&bytes, &place()).unwrap();
+        let message = Picture::remarks(&bytes, &location()).unwrap();
         assert_eq!(message, ["other channels are left out: a.B, a.G, a.R, b.B, b.G, b.R"]);
         // A layer that lacks one is none.
         let bytes = file(&["a.R", "a.G", "b.R", "b.G", "b.B"]);
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap().samples.count(), 6);
-        assert!(Picture::remarks(&file(&["R", "G", "B", "A"]), &place()).unwrap().is_empty());
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap().samples.count(), 6);
+        assert!(Picture::remarks(&file(&["R", "G", "B", "A"]), &location()).unwrap().is_empty());
     }
 }

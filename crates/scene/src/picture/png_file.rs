@@ -10,7 +10,7 @@ use png::{
 
 use super::header::Header;
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 /// The most bytes of a pixel: four channels of 16 bits.
@@ -24,29 +24,33 @@ const SIZE: Range<usize> = 16..24;
 fn opened<'b>(
     bytes: &'b [u8],
     length: usize,
-    place: &Place,
+    location: &Location,
 ) -> Result<Reader<Cursor<&'b [u8]>>, SceneError> {
     let mut most = BESIDE_PIXELS;
     if let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(SIZE) {
         // The decoder takes memory for a row at once, and as much as it may for a colour profile.
         let [width, height] = [[a, b, c, d], [e, f, g, h]].map(|x| u32::from_be_bytes(x).into());
-        check_size([width, height], 1, (length, DENSEST), place)?;
+        check_size([width, height], 1, (length, DENSEST), location)?;
         most += width * height * WIDEST_PIXEL;
     }
     let limits = Limits { bytes: usize::try_from(most).unwrap_or(usize::MAX) };
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_ignore_text_chunk(true);
     decoder.set_transformations(Transformations::EXPAND);
-    let reader = decoder.read_info().map_err(|error| broken(&error, place))?;
+    let reader = decoder.read_info().map_err(|error| broken(&error, location))?;
     let (width, height) = reader.info().size();
     let channels = reader.output_color_type().0.samples() as u64;
-    check_size([width.into(), height.into()], channels, (length, DENSEST), place)?;
+    check_size([width.into(), height.into()], channels, (length, DENSEST), location)?;
     Ok(reader)
 }
 
 /// What a file of `length` bytes that begins with `bytes` says before its pixels.
-pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
-    let reader = opened(bytes, length, place)?;
+pub(super) fn header(
+    bytes: &[u8],
+    length: usize,
+    location: &Location,
+) -> Result<Header, SceneError> {
+    let reader = opened(bytes, length, location)?;
     let info = reader.info();
     Ok(Header {
         size: [info.width as usize, info.height as usize],
@@ -56,14 +60,18 @@ pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Heade
 }
 
 /// The image as it is stored; the first, where there are several.
-pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
-    let mut reader = opened(bytes, bytes.len(), place)?;
+pub(super) fn decode(
+    bytes: &[u8],
+    memory: &Memory,
+    location: &Location,
+) -> Result<Picture, SceneError> {
+    let mut reader = opened(bytes, bytes.len(), location)?;
     let (width, height) = reader.info().size();
     let (color, depth) = reader.output_color_type();
     let count = reader.output_buffer_size().unwrap_or(usize::MAX);
-    claim([width.into(), height.into()], count as u64, memory, place)?;
+    claim([width.into(), height.into()], count as u64, memory, location)?;
     let mut samples = vec![0; count];
-    reader.next_frame(&mut samples).map_err(|error| broken(&error, place))?;
+    reader.next_frame(&mut samples).map_err(|error| broken(&error, location))?;
     let samples = match depth {
         BitDepth::Sixteen => Samples::U16(
             samples.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect(),
@@ -72,19 +80,19 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     };
     let [width, height] = [width as usize, height as usize];
     let picture = Picture { width, height, channels: color.samples(), samples };
-    picture.checked(place)?;
+    picture.checked(location)?;
     Ok(picture)
 }
 
 impl Picture {
     /// A PNG file with the image's samples, of 8 or 16 bits: the same bytes for the same image, on every machine.
-    /// `place` names the file in errors.
+    /// `location` names the file in errors.
     ///
     /// # Errors
     /// [`SceneError::Content`] for samples of 32 bits, without a pixel, and where the number of
     /// samples is not that of the pixels.
-    pub fn encode_png(&self, place: &Place) -> Result<Vec<u8>, SceneError> {
-        self.checked(place)?;
+    pub fn encode_png(&self, location: &Location) -> Result<Vec<u8>, SceneError> {
+        self.checked(location)?;
         let wide: Vec<u8>;
         let (bytes, depth) = match &self.samples {
             Samples::U8(samples) => (samples.as_slice(), BitDepth::Eight),
@@ -94,11 +102,11 @@ impl Picture {
             }
             Samples::F32(_) => {
                 let message = "a PNG has samples of 8 or 16 bits, and these have 32";
-                return Err(SceneError::content(place.clone(), message));
+                return Err(SceneError::content(location.clone(), message));
             }
         };
         let failed = |error: &dyn std::fmt::Display| {
-            SceneError::content(place.clone(), format!("the image can't be encoded: {error}"))
+            SceneError::content(location.clone(), format!("the image can't be encoded: {error}"))
         };
         let width = u32::try_from(self.width).map_err(|error| failed(&error))?;
         let height = u32::try_from(self.height).map_err(|error| failed(&error))?;

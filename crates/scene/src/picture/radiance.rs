@@ -18,7 +18,7 @@
 use super::header::Header;
 use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
 use super::usual::{aspect_remark, is_srgb};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 /// What such files begin with; the second is that of other programs.
@@ -40,8 +40,8 @@ struct File<'b> {
 
 impl<'b> File<'b> {
     /// A file of `length` bytes that begins with `bytes`, of an image that is not too large for it.
-    fn new(bytes: &'b [u8], length: usize, place: &Place) -> Result<Self, SceneError> {
-        let wrong = |message: String| SceneError::content(place.clone(), message);
+    fn new(bytes: &'b [u8], length: usize, location: &Location) -> Result<Self, SceneError> {
+        let wrong = |message: String| SceneError::content(location.clone(), message);
         let mut rest = bytes;
         let mut attributes = Vec::new();
         loop {
@@ -67,7 +67,7 @@ impl<'b> File<'b> {
             return Err(wrong(format!("Radiance's {FORMAT} is read, and this is {other:.40}")));
         }
         let size = size(&next_line(&mut rest).unwrap_or_default()).map_err(wrong)?;
-        check_size(size.map(u64::from), 3, (length, DENSEST), place)?;
+        check_size(size.map(u64::from), 3, (length, DENSEST), location)?;
         Ok(Self { attributes, size, pixels: rest })
     }
 
@@ -121,27 +121,35 @@ fn size(line: &str) -> Result<[u32; 2], String> {
 }
 
 /// What the file says before its pixels.
-pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
-    let [width, height] = File::new(bytes, length, place)?.size;
+pub(super) fn header(
+    bytes: &[u8],
+    length: usize,
+    location: &Location,
+) -> Result<Header, SceneError> {
+    let [width, height] = File::new(bytes, length, location)?.size;
     Ok(Header::from_size([width as usize, height as usize]))
 }
 
-pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
-    let file = File::new(bytes, bytes.len(), place)?;
+pub(super) fn decode(
+    bytes: &[u8],
+    memory: &Memory,
+    location: &Location,
+) -> Result<Picture, SceneError> {
+    let file = File::new(bytes, bytes.len(), location)?;
     let [width, height] = file.size.map(|extent| extent as usize);
-    claim(file.size.map(u64::from), 12 * (width * height) as u64, memory, place)?;
+    claim(file.size.map(u64::from), 12 * (width * height) as u64, memory, location)?;
     let factors = file.factors();
     if !factors.iter().all(|factor| factor.is_finite() && *factor > 0.0) {
         let rule = "EXPOSURE and COLORCORR are above 0";
         let message = format!("{rule}, and these make {factors:?}");
-        return Err(SceneError::content(place.clone(), message));
+        return Err(SceneError::content(location.clone(), message));
     }
     let mut samples = Vec::with_capacity(3 * width * height);
     let (mut rest, mut pixels) = (file.pixels, vec![[0; 4]; width]);
     for row in 0..height {
         if read_row(&mut rest, &mut pixels).is_none() {
             let message = format!("row {row} does not have {width} pixels");
-            return Err(broken(&message, place));
+            return Err(broken(&message, location));
         }
         for pixel in &pixels {
             samples
@@ -150,7 +158,7 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     }
     if let Some(sample) = samples.iter().find(|sample| !sample.is_finite()) {
         let message = format!("samples are finite, and EXPOSURE makes {sample} of one");
-        return Err(SceneError::content(place.clone(), message));
+        return Err(SceneError::content(location.clone(), message));
     }
     Ok(Picture { width, height, channels: 3, samples: Samples::F32(samples) })
 }
@@ -228,8 +236,8 @@ fn read_pixels(rest: &mut &[u8], first: [u8; 4], pixels: &mut [[u8; 4]]) -> Opti
 }
 
 /// What a header says that is not done.
-pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
-    let file = File::new(bytes, bytes.len(), place)?;
+pub(super) fn remarks(bytes: &[u8], location: &Location) -> Result<Vec<String>, SceneError> {
+    let file = File::new(bytes, bytes.len(), location)?;
     let mut remarks = Vec::new();
     for value in file.values("PRIMARIES") {
         let numbers: Vec<f32> = value.split_whitespace().flat_map(str::parse).collect();
@@ -259,7 +267,7 @@ mod tests {
     }
 
     fn decoded(bytes: &[u8]) -> Result<Picture, String> {
-        Picture::decode(bytes, &Place::new("sky.hdr")).map_err(|error| error.to_string())
+        Picture::decode(bytes, &Location::new("sky.hdr")).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -275,8 +283,8 @@ mod tests {
             let picture = decoded(&bytes).unwrap();
             assert_eq!([picture.width, picture.height, picture.channels], [2, 1, 3]);
             assert_eq!(picture.samples, Samples::F32(expected.to_vec()), "{lines}");
-            assert_eq!(Picture::decode_size(&bytes, &Place::new("a")).unwrap(), [2, 1]);
-            assert!(Picture::remarks(&bytes, &Place::new("a")).unwrap().is_empty());
+            assert_eq!(Picture::decode_size(&bytes, &Location::new("a")).unwrap(), [2, 1]);
+            assert!(Picture::remarks(&bytes, &Location::new("a")).unwrap().is_empty());
         }
         let other = file("", "-Y 1 +X 2");
         let other = [b"#?RGBE", &other[10..]].concat();
@@ -304,11 +312,13 @@ mod tests {
             );
         }
         let lines = "PRIMARIES= .64 .33 .29 .6 .15 .06 .333 .333\nPIXASPECT=2\n";
-        let message = Picture::remarks(&file(lines, "-Y 1 +X 2"), &Place::new("a")).unwrap();
+        let message = Picture::remarks(&file(lines, "-Y 1 +X 2"), &Location::new("a")).unwrap();
         assert!(message.len() == 2 && message[0].contains("primaries"), "{message:?}");
         assert!(message[1].contains("0.5000 times as wide"), "{message:?}");
         let usual = "PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329\n";
-        assert!(Picture::remarks(&file(usual, "-Y 1 +X 2"), &Place::new("a")).unwrap().is_empty());
+        assert!(
+            Picture::remarks(&file(usual, "-Y 1 +X 2"), &Location::new("a")).unwrap().is_empty()
+        );
     }
 
     #[test]

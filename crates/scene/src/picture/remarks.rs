@@ -12,7 +12,7 @@ use super::header::Header;
 use super::samples::{Picture, guarded};
 use super::usual::{self, is_srgb};
 use super::{open_exr, radiance};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 
 /// What becomes of numbers whose meaning is left out.
@@ -26,18 +26,18 @@ impl Picture {
     ///
     /// # Errors
     /// As [`Picture::decode_size`].
-    pub fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
-        match Format::detect(bytes, place)? {
-            Format::Exr => guarded(place, || open_exr::remarks(bytes, place)),
-            Format::Radiance => guarded(place, || radiance::remarks(bytes, place)),
+    pub fn remarks(bytes: &[u8], location: &Location) -> Result<Vec<String>, SceneError> {
+        match Format::detect(bytes, location)? {
+            Format::Exr => guarded(location, || open_exr::remarks(bytes, location)),
+            Format::Radiance => guarded(location, || radiance::remarks(bytes, location)),
             Format::Png => {
-                let header = header(bytes, bytes.len(), place)?;
+                let header = header(bytes, bytes.len(), location)?;
                 let mut remarks = Vec::from_iter(color_remark(&header));
                 remarks.extend(png_remarks(bytes, !remarks.is_empty()));
                 Ok(with_turn(remarks, &header))
             }
             Format::Jpeg => {
-                let header = header(bytes, bytes.len(), place)?;
+                let header = header(bytes, bytes.len(), location)?;
                 let mut remarks = Vec::from_iter(color_remark(&header));
                 remarks.extend(jfif_remark(bytes));
                 Ok(with_turn(remarks, &header))
@@ -51,7 +51,7 @@ impl Picture {
     /// As [`Folder::read`] and [`Picture::remarks`].
     pub fn remarks_in(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<String>, SceneError> {
         let path = path.as_ref();
-        Self::remarks(&folder.read(path)?, &Place::new(folder.join(path)))
+        Self::remarks(&folder.read(path)?, &Location::new(folder.join(path)))
     }
 }
 
@@ -176,7 +176,7 @@ mod tests {
     fn png() -> Vec<u8> {
         let samples = Samples::U8(vec![1, 2, 3]);
         let picture = Picture { width: 1, height: 1, channels: 3, samples };
-        picture.encode_png(&Place::new("a")).unwrap()
+        picture.encode_png(&Location::new("a")).unwrap()
     }
 
     /// The PNG with further chunks after its header. Readers leave wrong checksums of such chunks to whoever
@@ -235,7 +235,7 @@ mod tests {
     }
 
     fn remarks(bytes: &[u8]) -> Vec<String> {
-        Picture::remarks(bytes, &Place::new("a.png")).unwrap()
+        Picture::remarks(bytes, &Location::new("a.png")).unwrap()
     }
 
     #[test]
@@ -257,7 +257,7 @@ mod tests {
         ];
         for chunks in rows {
             let bytes = with_chunks(&chunks);
-            assert!(Picture::decode(&bytes, &Place::new("a")).is_ok());
+            assert!(Picture::decode(&bytes, &Location::new("a")).is_ok());
             assert!(remarks(&bytes).is_empty(), "{:?}", remarks(&bytes));
         }
     }

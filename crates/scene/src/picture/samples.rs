@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::memory::Memory;
 
 /// The most samples of an image that is read, over all its channels: 16384 pixels squared in one
@@ -73,19 +73,19 @@ impl Picture {
     }
 
     /// Whether there are as many samples as the size says.
-    pub(super) fn checked(&self, place: &Place) -> Result<&Self, SceneError> {
+    pub(super) fn checked(&self, location: &Location) -> Result<&Self, SceneError> {
         let Self { width, height, channels, .. } = self;
         let expected = width.checked_mul(*height).and_then(|pixels| pixels.checked_mul(*channels));
         if !(1..=4).contains(channels) || expected == Some(0) {
             let rule = "an image has pixels, of one to four channels";
             let message = format!("{rule}, and this is {width} x {height} of {channels}");
-            return Err(SceneError::content(place.clone(), message));
+            return Err(SceneError::content(location.clone(), message));
         }
         if expected != Some(self.samples.count()) {
             let rule =
                 format!("an image of {width} x {height} has {channels} samples for each pixel");
             let message = format!("{rule}, and this has {} altogether", self.samples.count());
-            return Err(SceneError::content(place.clone(), message));
+            return Err(SceneError::content(location.clone(), message));
         }
         Ok(self)
     }
@@ -97,21 +97,21 @@ pub(super) fn check_size(
     [width, height]: [u64; 2],
     channels: u64,
     (bytes, densest): (usize, u64),
-    place: &Place,
+    location: &Location,
 ) -> Result<(), SceneError> {
     if width == 0 || height == 0 {
         let message = format!("an image has pixels, and this is {width} x {height}");
-        return Err(SceneError::content(place.clone(), message));
+        return Err(SceneError::content(location.clone(), message));
     }
     let samples = width.saturating_mul(height).saturating_mul(channels);
-    let place = place.clone();
+    let location = location.clone();
     if samples > MOST_SAMPLES {
         let (what, most) = ("samples of an image", MOST_SAMPLES);
-        return Err(SceneError::TooLarge { place, what, most, found: samples });
+        return Err(SceneError::TooLarge { location, what, most, found: samples });
     }
     if samples / densest > bytes as u64 {
         let rule = format!("an image of {width} x {height} needs more bytes than its file has");
-        return Err(SceneError::content(place, format!("{rule}, {bytes}")));
+        return Err(SceneError::content(location, format!("{rule}, {bytes}")));
     }
     Ok(())
 }
@@ -122,14 +122,14 @@ pub(super) fn claim(
     [width, height]: [u64; 2],
     bytes: u64,
     memory: &Memory,
-    place: &Place,
+    location: &Location,
 ) -> Result<(), SceneError> {
-    memory.take(bytes, bytes, place, || format!("an image of {width} x {height}"))
+    memory.take(bytes, bytes, location, || format!("an image of {width} x {height}"))
 }
 
 /// The error of a decoder.
-pub(super) fn broken(error: &dyn fmt::Display, place: &Place) -> SceneError {
-    SceneError::content(place.clone(), format!("the image can't be decoded: {error}"))
+pub(super) fn broken(error: &dyn fmt::Display, location: &Location) -> SceneError {
+    SceneError::content(location.clone(), format!("the image can't be decoded: {error}"))
 }
 
 thread_local! {
@@ -146,7 +146,7 @@ pub fn is_guarded() -> bool {
 /// What `decode` answers. A decoder that panics is one that met a broken file: its libraries check
 /// much of what they read by assertions.
 pub(super) fn guarded<R>(
-    place: &Place,
+    location: &Location,
     decode: impl FnOnce() -> Result<R, SceneError>,
 ) -> Result<R, SceneError> {
     let before = IS_GUARDED.replace(true);
@@ -154,6 +154,6 @@ pub(super) fn guarded<R>(
     IS_GUARDED.set(before);
     decoded.unwrap_or_else(|_| {
         let message = "an image has a header and pixels that fit each other, and these don't";
-        Err(SceneError::content(place.clone(), message))
+        Err(SceneError::content(location.clone(), message))
     })
 }

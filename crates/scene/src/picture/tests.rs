@@ -11,17 +11,17 @@ use exr::prelude::{
 
 use super::decode::header_size;
 use super::*;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 
 mod kinds;
 
-fn place() -> Place {
-    Place::new("scene/image")
+fn location() -> Location {
+    Location::new("scene/image")
 }
 
 fn message(bytes: &[u8]) -> String {
-    Picture::decode(bytes, &place()).unwrap_err().to_string()
+    Picture::decode(bytes, &location()).unwrap_err().to_string()
 }
 
 /// An image of 3 x 2 pixels whose samples all differ.
@@ -75,14 +75,14 @@ fn plain_exr(channels: Vec<(&str, FlatSamples)>, size: (usize, usize)) -> Vec<u8
 fn a_png_holds_samples_of_each_width_and_number_of_channels() {
     for channels in 1..=4 {
         let picture = numbered(channels);
-        let bytes = picture.encode_png(&place()).unwrap();
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), picture);
-        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
-        assert_eq!(bytes, picture.encode_png(&place()).unwrap());
+        let bytes = picture.encode_png(&location()).unwrap();
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), picture);
+        assert_eq!(Picture::decode_size(&bytes, &location()).unwrap(), [3, 2]);
+        assert_eq!(bytes, picture.encode_png(&location()).unwrap());
         let wide = (0..6 * channels).map(|k| (k * 2551 + 1) as u16).collect();
         let picture = Picture { samples: Samples::U16(wide), ..picture };
-        let bytes = picture.encode_png(&place()).unwrap();
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), picture);
+        let bytes = picture.encode_png(&location()).unwrap();
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), picture);
     }
 }
 
@@ -96,7 +96,7 @@ fn palettes_and_single_bits_become_channels_of_eight_bits() {
     encoder.write_header().unwrap().write_image_data(&[0b0100_0000]).unwrap();
     let samples = Samples::U8(vec![1, 2, 3, 250, 251, 252]);
     let expected = Picture { width: 2, height: 1, channels: 3, samples };
-    assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected);
+    assert_eq!(Picture::decode(&bytes, &location()).unwrap(), expected);
 
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 3, 1);
@@ -105,7 +105,7 @@ fn palettes_and_single_bits_become_channels_of_eight_bits() {
     encoder.write_header().unwrap().write_image_data(&[0b1010_0000]).unwrap();
     let expected =
         Picture { width: 3, height: 1, channels: 1, samples: Samples::U8(vec![255, 0, 255]) };
-    assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected);
+    assert_eq!(Picture::decode(&bytes, &location()).unwrap(), expected);
 }
 
 #[test]
@@ -113,12 +113,12 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
     let offset = |picture: &Picture, row: usize, column: usize| {
         picture.channel(0).unwrap()[[row, column]] * 255.0
     };
-    let stored = Picture::decode(&jpeg(32, 16), &place()).unwrap();
+    let stored = Picture::decode(&jpeg(32, 16), &location()).unwrap();
     assert_eq!((stored.width, stored.height, stored.channels), (32, 16, 1));
     assert!(
         (offset(&stored, 8, 4) - 20.0).abs() < 4.0 && (offset(&stored, 8, 28) - 230.0).abs() < 4.0
     );
-    assert_eq!(Picture::decode_turn(&jpeg(32, 16), &place()).unwrap(), None);
+    assert_eq!(Picture::decode_turn(&jpeg(32, 16), &location()).unwrap(), None);
     // Where the dark half is once viewers turned it: (row, column), and a place in the light half.
     let rows = [
         (1, [32, 16], (8, 4), (8, 28)),
@@ -132,15 +132,15 @@ fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
     ];
     for (orientation, size, dark, light) in rows {
         let bytes = turned_jpeg(orientation);
-        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [32, 16]);
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), stored, "{orientation}");
-        let turn = Picture::decode_turn(&bytes, &place()).unwrap();
+        assert_eq!(Picture::decode_size(&bytes, &location()).unwrap(), [32, 16]);
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), stored, "{orientation}");
+        let turn = Picture::decode_turn(&bytes, &location()).unwrap();
         assert_eq!(turn.map_or([32, 16], |turn| turn.size([32, 16])), size, "{orientation}");
-        let upright = Picture::decode_upright(&bytes, &place()).unwrap();
+        let upright = Picture::decode_upright(&bytes, &location()).unwrap();
         assert_eq!([upright.width, upright.height], size, "{orientation}");
         assert!((offset(&upright, dark.0, dark.1) - 20.0).abs() < 4.0, "{orientation}");
         assert!((offset(&upright, light.0, light.1) - 230.0).abs() < 4.0, "{orientation}");
-        let remarks = Picture::remarks(&bytes, &place()).unwrap();
+        let remarks = Picture::remarks(&bytes, &location()).unwrap();
         assert_eq!(remarks.len(), usize::from(orientation != 1), "{remarks:?}");
     }
 }
@@ -165,10 +165,10 @@ fn an_exr_holds_the_same_numbers() {
     for channels in 1..=4 {
         let samples = (0..6 * channels).map(|k| (k as f32 - 5.0) * 1.7e3 / 7.0).collect();
         let picture = Picture { width: 3, height: 2, channels, samples: Samples::F32(samples) };
-        let bytes = picture.encode_exr(&place()).unwrap();
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), picture);
-        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
-        assert_eq!(bytes, picture.encode_exr(&place()).unwrap());
+        let bytes = picture.encode_exr(&location()).unwrap();
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), picture);
+        assert_eq!(Picture::decode_size(&bytes, &location()).unwrap(), [3, 2]);
+        assert_eq!(bytes, picture.encode_exr(&location()).unwrap());
     }
 }
 
@@ -179,7 +179,7 @@ fn an_exr_of_halves_with_one_channel_of_any_name_is_gray() {
         let bytes = plain_exr(vec![(name, FlatSamples::F16(halves.clone()))], (2, 1));
         let samples = Samples::F32(vec![0.5, -2.0]);
         let expected = Picture { width: 2, height: 1, channels: 1, samples };
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected);
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), expected);
     }
 }
 
@@ -203,8 +203,8 @@ fn the_display_window_of_an_exr_is_what_is_shown() {
         let bytes = exr_file(vec![("Y", numbers())], (3, 2), offset, display);
         let samples = Samples::F32(expected.to_vec());
         let expected = Picture { width: 3, height: 2, channels: 1, samples };
-        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected, "{offset:?}");
-        assert_eq!(Picture::decode_size(&bytes, &place()).unwrap(), [3, 2]);
+        assert_eq!(Picture::decode(&bytes, &location()).unwrap(), expected, "{offset:?}");
+        assert_eq!(Picture::decode_size(&bytes, &location()).unwrap(), [3, 2]);
     }
 }
 
@@ -220,7 +220,7 @@ fn a_sample_that_is_not_finite_is_refused_with_its_pixel() {
         assert_eq!(message, expected);
         let picture =
             Picture { width: 1, height: 1, channels: 1, samples: Samples::F32(vec![value]) };
-        assert!(picture.encode_exr(&place()).is_err());
+        assert!(picture.encode_exr(&location()).is_err());
     }
 }
 
@@ -251,7 +251,7 @@ fn each_compression_but_dwa_is_read() {
             Compression::PXR24,
             Compression::B44,
         ] {
-            let picture = Picture::decode(&file(compression, blocks), &place()).unwrap();
+            let picture = Picture::decode(&file(compression, blocks), &location()).unwrap();
             let green = picture.channel(1).unwrap();
             let tolerance = if compression == Compression::PXR24 { 1e-4 } else { 0.0 };
             for (found, number) in green.data().iter().zip(&numbers) {
@@ -380,7 +380,7 @@ fn files_that_are_no_images_are_refused_with_the_rule() {
     assert_eq!(message(b"RIFF\x10\0\0\0WEBPVP8 "), format!("{rule} a WebP"));
     assert_eq!(message(b"\0\0\0\x18ftypheic"), format!("{rule} a HEIC"));
     assert_eq!(message(b"\0\0\0\x1cftypavif"), format!("{rule} an AVIF"));
-    assert!(Picture::decode_size(b"hello", &place()).is_err());
+    assert!(Picture::decode_size(b"hello", &location()).is_err());
     let exr = plain_exr(
         vec![("X", FlatSamples::F32(vec![0.0])), ("Z", FlatSamples::F32(vec![0.0]))],
         (1, 1),
@@ -391,10 +391,10 @@ fn files_that_are_no_images_are_refused_with_the_rule() {
         message(&exr)
     );
     let float = Picture { width: 1, height: 1, channels: 1, samples: Samples::F32(vec![0.0]) };
-    assert!(float.encode_png(&place()).is_err());
-    assert!(numbered(3).encode_exr(&place()).is_err());
+    assert!(float.encode_png(&location()).is_err());
+    assert!(numbered(3).encode_exr(&location()).is_err());
     let wrong = Picture { width: 4, ..numbered(3) };
-    let message = wrong.encode_png(&place()).unwrap_err().to_string();
+    let message = wrong.encode_png(&location()).unwrap_err().to_string();
     assert!(
         message.contains("has 3 samples for each pixel, and this has 18 altogether"),
         "{message}"
@@ -420,13 +420,13 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[test]
 fn a_header_that_claims_too_much_takes_no_memory() {
-    let png = numbered(3).encode_png(&place()).unwrap();
-    assert_eq!(Picture::decode(&resized_png(&png, 3, 2), &place()).unwrap(), numbered(3));
+    let png = numbered(3).encode_png(&location()).unwrap();
+    assert_eq!(Picture::decode(&resized_png(&png, 3, 2), &location()).unwrap(), numbered(3));
     for (width, height) in [(1 << 30, 1 << 30), (u32::MAX >> 1, 1), (100_000, 10_000)] {
         let bytes = resized_png(&png, width, height);
         for error in [
-            Picture::decode(&bytes, &place()).map(drop).unwrap_err(),
-            Picture::decode_size(&bytes, &place()).map(drop).unwrap_err(),
+            Picture::decode(&bytes, &location()).map(drop).unwrap_err(),
+            Picture::decode_size(&bytes, &location()).map(drop).unwrap_err(),
         ] {
             assert!(matches!(error, SceneError::TooLarge { .. }), "{error}");
         }
@@ -439,7 +439,7 @@ fn a_header_that_claims_too_much_takes_no_memory() {
     let mut large = jpeg(32, 16);
     let frame = large.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
     large[frame + 5..frame + 9].copy_from_slice(&[0xff; 4]);
-    assert!(matches!(Picture::decode(&large, &place()), Err(SceneError::TooLarge { .. })));
+    assert!(matches!(Picture::decode(&large, &location()), Err(SceneError::TooLarge { .. })));
 
     for size in [(1 << 20, 1 << 20), (1 << 14, 1 << 12), (1 << 18, 1 << 4)] {
         // The header claims more columns and rows than there are.
@@ -453,7 +453,7 @@ fn a_header_that_claims_too_much_takes_no_memory() {
             let ends: Vec<u8> = ends.iter().flat_map(|end| end.to_le_bytes()).collect();
             bytes[from..from + 16].copy_from_slice(&ends);
         }
-        let error = Picture::decode(&bytes, &place()).unwrap_err();
+        let error = Picture::decode(&bytes, &location()).unwrap_err();
         let message = error.to_string();
         let is_too_large = matches!(error, SceneError::TooLarge { .. });
         // The library counts blocks of 16 rows, and one is there.
@@ -462,7 +462,7 @@ fn a_header_that_claims_too_much_takes_no_memory() {
             is_too_large && size.1 > 16 || message.contains("needs more bytes than its file has"),
             "{message}"
         );
-        assert!(Picture::decode_size(&bytes, &place()).is_err());
+        assert!(Picture::decode_size(&bytes, &location()).is_err());
     }
 }
 
@@ -471,7 +471,7 @@ fn the_densest_files_are_read() {
     let black = FlatSamples::F16(vec![f16::ZERO; 4096 * 512]);
     let bytes = plain_exr(vec![("Y", black)], (4096, 512));
     assert!(bytes.len() < 3 * 4096, "{}", bytes.len());
-    assert_eq!(Picture::decode(&bytes, &place()).unwrap().pixels(), 4096 * 512);
+    assert_eq!(Picture::decode(&bytes, &location()).unwrap().pixels(), 4096 * 512);
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 16384, 512);
     encoder.set_color(png::ColorType::Indexed);
@@ -480,30 +480,30 @@ fn the_densest_files_are_read() {
     encoder.set_trns(vec![9]);
     encoder.write_header().unwrap().write_image_data(&vec![0; 2048 * 512]).unwrap();
     assert!(bytes.len() < 4096, "{}", bytes.len());
-    assert_eq!(Picture::decode(&bytes, &place()).unwrap().pixels(), 16384 * 512);
+    assert_eq!(Picture::decode(&bytes, &location()).unwrap().pixels(), 16384 * 512);
 }
 
 /// A small file of each format.
 fn small_files() -> [Vec<u8>; 4] {
     let samples = (0..18).map(|k| k as f32).collect();
     let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
-    let png = numbered(3).encode_png(&place()).unwrap();
+    let png = numbered(3).encode_png(&location()).unwrap();
     let head = b"#?RADIANCE\nEXPOSURE=2\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3 .3\n\n-Y 1 +X 2\n";
     let radiance = [&head[..], &[128, 0, 0, 129, 128, 128, 128, 131]].concat();
-    [png, jpeg(16, 16), exr.encode_exr(&place()).unwrap(), radiance]
+    [png, jpeg(16, 16), exr.encode_exr(&location()).unwrap(), radiance]
 }
 
 #[test]
 fn files_that_are_cut_short_are_refused_at_each_length() {
     for file in &small_files() {
-        let whole = Picture::decode(file, &place()).unwrap();
+        let whole = Picture::decode(file, &location()).unwrap();
         for length in 0..file.len() {
             // What a PNG has after its pixels is not needed.
-            if let Ok(picture) = Picture::decode(&file[..length], &place()) {
+            if let Ok(picture) = Picture::decode(&file[..length], &location()) {
                 assert!(file.starts_with(b"\x89PNG") && file.len() - length <= 16, "{length}");
                 assert_eq!(picture, whole);
             }
-            let _ = Picture::decode_size(&file[..length], &place());
+            let _ = Picture::decode_size(&file[..length], &location());
         }
     }
 }
@@ -518,9 +518,9 @@ fn late_exif(before: &[u8]) -> Vec<u8> {
 fn the_start_of_a_file_has_the_size_of_the_whole_or_none() {
     let [png, _, exr, _] = small_files();
     for file in [png, turned_jpeg(6), late_exif(&[0xff, 0xfe, 0, 4, 1, 2]), exr] {
-        let whole = Picture::decode_size(&file, &place()).unwrap();
+        let whole = Picture::decode_size(&file, &location()).unwrap();
         let sizes = (0..file.len())
-            .filter_map(|length| header_size(&file[..length], file.len(), &place()).ok());
+            .filter_map(|length| header_size(&file[..length], file.len(), &location()).ok());
         let sizes: Vec<_> = sizes.collect();
         assert!(
             !sizes.is_empty() && sizes.iter().all(|size| *size == whole),
@@ -555,13 +555,13 @@ fn files_with_a_wrong_byte_have_an_answer() {
             for value in [0, 1, 127, 128, 255] {
                 let mut bytes = file.clone();
                 bytes[offset] = value;
-                if let Ok(picture) = Picture::decode(&bytes, &place()) {
-                    assert!(picture.checked(&place()).is_ok());
-                    let size = Picture::decode_size(&bytes, &place()).unwrap();
+                if let Ok(picture) = Picture::decode(&bytes, &location()) {
+                    assert!(picture.checked(&location()).is_ok());
+                    let size = Picture::decode_size(&bytes, &location()).unwrap();
                     assert_eq!(size, [picture.width, picture.height]);
-                    assert!(Picture::remarks(&bytes, &place()).is_ok());
-                    assert!(Picture::decode_upright(&bytes, &place()).is_ok());
-                    if let Ok(mask) = Mask::from_picture(&picture, &place()) {
+                    assert!(Picture::remarks(&bytes, &location()).is_ok());
+                    assert!(Picture::decode_upright(&bytes, &location()).is_ok());
+                    if let Ok(mask) = Mask::from_picture(&picture, &location()) {
                         assert!(mask.share.data().iter().all(|x| (0.0..=1.0).contains(x)));
                     }
                 }

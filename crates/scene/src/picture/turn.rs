@@ -7,7 +7,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::samples::Picture;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 
 /// How viewers turn a photograph before they show it: the number of Exif data, 2 to 8.
@@ -71,7 +71,7 @@ impl Picture {
     /// As [`Folder::read`] and [`Picture::decode`].
     pub fn read(folder: &Folder, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        Self::decode(&folder.read(path)?, &Place::new(folder.join(path)))
+        Self::decode(&folder.read(path)?, &Location::new(folder.join(path)))
     }
 
     /// The image of a file whose camera has images of this size, as it is stored.
@@ -87,20 +87,20 @@ impl Picture {
         [width, height]: [usize; 2],
     ) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        let (bytes, place) = (folder.read(path)?, Place::new(folder.join(path)));
-        let picture = Self::decode(&bytes, &place)?;
+        let (bytes, location) = (folder.read(path)?, Location::new(folder.join(path)));
+        let picture = Self::decode(&bytes, &location)?;
         if [picture.width, picture.height] == [width, height] {
             return Ok(picture);
         }
         let rule = format!("an image has the size of its camera, {width} x {height}");
         let mut message = format!("{rule}, and this is {} x {}", picture.width, picture.height);
-        if let Some(turn) = Self::decode_turn(&bytes, &place)? {
+        if let Some(turn) = Self::decode_turn(&bytes, &location)? {
             message += &format!(
                 "; viewers turn it {turn}, as its Exif data say, and cameras are those of the \
                  pixels as they are stored"
             );
         }
-        Err(SceneError::content(place, message))
+        Err(SceneError::content(location, message))
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use bokashi_core::Tensor;
 use bokashi_scene::description::LightPlace;
-use bokashi_scene::{Attribute, Camera, ColorSpace, Picture, Place, Scene, SceneFit, SceneView};
+use bokashi_scene::{Attribute, Camera, ColorSpace, Location, Picture, Scene, SceneFit, SceneView};
 use glam::{DMat4, DQuat, DVec3};
 
 use crate::rays::{Ball, Eye, blurred, distances, light, photograph};
@@ -260,7 +260,7 @@ fn two_balls(folder: &Path, photo: &Tensor<f32>, pipeline: &str) -> Scene {
     // Light before black.
     let seen = Tensor::from_flat_fn([photo.shape()[0], photo.shape()[1], 3], |k| photo.data()[k]);
     let picture = Picture::from_color(&seen, ColorSpace::Srgb).unwrap();
-    fs::write(folder.join("photo.png"), picture.encode_png(&Place::new("photo.png")).unwrap())
+    fs::write(folder.join("photo.png"), picture.encode_png(&Location::new("photo.png")).unwrap())
         .unwrap();
     let text = format!(
         r#"

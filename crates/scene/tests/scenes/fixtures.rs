@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor};
-use bokashi_scene::{Picture, Place, Renderer, Samples, Scene, SceneFit, Values};
+use bokashi_scene::{Location, Picture, Renderer, Samples, Scene, SceneFit, Values};
 
 /// Columns and rows of all images here.
 pub(crate) const SIZE: [usize; 2] = [24, 16];
@@ -38,8 +38,8 @@ pub(crate) fn picture(is_float: bool) -> Picture {
 }
 
 pub(crate) fn png(folder: &Path) {
-    let place = Place::new("a.png");
-    fs::write(folder.join("a.png"), picture(false).encode_png(&place).unwrap()).unwrap();
+    let location = Location::new("a.png");
+    fs::write(folder.join("a.png"), picture(false).encode_png(&location).unwrap()).unwrap();
 }
 
 pub(crate) fn furthest(a: &Tensor<f32>, b: &Tensor<f32>) -> f32 {

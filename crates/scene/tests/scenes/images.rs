@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use bokashi_core::Tensor;
-use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+use bokashi_scene::{Location, Picture, Samples, Scene, SceneFit};
 
 use super::fixtures::{SIZE, furthest, load, picture, png};
 
@@ -12,7 +12,7 @@ use super::fixtures::{SIZE, furthest, load, picture, png};
 fn images_with_opacity_stand_before_the_background() {
     let folder = tempfile::tempdir().unwrap();
     png(folder.path());
-    let exr = picture(true).encode_exr(&Place::new("b.exr")).unwrap();
+    let exr = picture(true).encode_exr(&Location::new("b.exr")).unwrap();
     fs::write(folder.path().join("b.exr"), exr).unwrap();
     let camera = "camera = { position = [0, 0, 4], angle = 40 }";
     let text = format!(
@@ -41,7 +41,7 @@ fn a_mask_of_its_own_goes_before_the_opacity_of_the_image() {
     let [width, height] = SIZE;
     let white =
         Picture { width, height, channels: 1, samples: Samples::U8(vec![255; width * height]) };
-    let bytes = white.encode_png(&Place::new("m.png")).unwrap();
+    let bytes = white.encode_png(&Location::new("m.png")).unwrap();
     fs::write(folder.path().join("m.png"), bytes).unwrap();
     let text = "[[meshes]]\nshape = \"sphere\"\nmaterial = { base_color = [1, 1, 1] }\n\
         [[views]]\nimage = \"a.png\"\nmask = \"m.png\"\ncamera = { position = [0, 0, 6], angle = 40 }\n\
@@ -62,7 +62,7 @@ fn masks_have_the_names_of_their_images_or_end_in_png() {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     };
-    write("images/b.exr", &picture(true).encode_exr(&Place::new("b.exr")).unwrap());
+    write("images/b.exr", &picture(true).encode_exr(&Location::new("b.exr")).unwrap());
     let pose = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]";
     let frame = format!("{{\"file_path\": \"images/b.exr\", \"transform_matrix\": {pose}}}");
     write("transforms.json", format!("{{\"fl_x\": 30, \"frames\": [{frame}]}}").as_bytes());
@@ -90,7 +90,7 @@ fn an_environment_is_a_panorama_or_six_faces() {
     let exr = |width: usize, height: usize| {
         let samples = Samples::F32(vec![1.0; width * height * 3]);
         let picture = Picture { width, height, channels: 3, samples };
-        picture.encode_exr(&Place::new("sky.exr")).unwrap()
+        picture.encode_exr(&Location::new("sky.exr")).unwrap()
     };
     write("sky.exr", &exr(64, 32));
     write("faces.exr", &exr(8, 48));

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use bokashi_core::Tensor;
-use bokashi_scene::{Picture, Place, Scene, SceneFit};
+use bokashi_scene::{Location, Picture, Scene, SceneFit};
 
 /// What a fit did: the loss of each step, and what it learnt, by name.
 struct Learnt {
@@ -59,8 +59,8 @@ fn picture(file: &Path, view: usize, pixels: usize, reduce: usize) {
             .map(|k| number(reduce * x + k % reduce, reduce * y + k / reduce, c));
         all.sum::<f32>() / (reduce * reduce) as f32
     });
-    let place = Place::new(file);
-    fs::write(file, Picture::from_numbers(&image).unwrap().encode_exr(&place).unwrap()).unwrap();
+    let location = Location::new(file);
+    fs::write(file, Picture::from_numbers(&image).unwrap().encode_exr(&location).unwrap()).unwrap();
 }
 
 /// Where the cameras stand, in units of the scene.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use bokashi_fit::on_ranks;
-use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+use bokashi_scene::{Location, Picture, Samples, Scene, SceneFit};
 
 const SCENE: &str = r#"
 seed = 3
@@ -29,7 +29,7 @@ const CAMERAS: &str = r#"{"camera_angle_x": 0.7, "frames": [
 fn gray(file: &Path, level: u8) {
     let samples = Samples::U8(vec![level; 12 * 12 * 3]);
     let picture = Picture { width: 12, height: 12, channels: 3, samples };
-    fs::write(file, picture.encode_png(&Place::new(file)).unwrap()).unwrap();
+    fs::write(file, picture.encode_png(&Location::new(file)).unwrap()).unwrap();
 }
 
 fn write(folder: &Path) {

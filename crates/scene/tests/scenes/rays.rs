@@ -1,7 +1,7 @@
 //! Photographs by rays: nothing of the engine makes them but the file format.
 
 use bokashi_core::Tensor;
-use bokashi_scene::{ColorSpace, Picture, Place};
+use bokashi_scene::{ColorSpace, Location, Picture};
 use glam::DVec3;
 
 /// Rays along each side of a pixel.
@@ -83,7 +83,7 @@ impl Eye {
 pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
     let light = light(balls, eye);
     let picture = Picture::from_color(&light, ColorSpace::Srgb).unwrap();
-    picture.encode_png(&Place::new("photograph.png")).unwrap()
+    picture.encode_png(&Location::new("photograph.png")).unwrap()
 }
 
 /// Light and opacity, `[pixels, pixels, 4]`; colours are not multiplied by opacity.

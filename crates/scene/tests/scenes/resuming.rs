@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit, description};
+use bokashi_scene::{Location, Picture, Samples, Scene, SceneFit, description};
 use serde_json::Value;
 
 /// A scene that learns as much as a small one can, with each key of what is learnt, how, and how long.
@@ -91,7 +91,7 @@ fn scene(folder: &Path, text: &str) -> Scene {
         let samples = Samples::U8((0..32 * 32 * 4).map(sample).collect());
         let picture = Picture { width: 32, height: 32, channels: 4, samples };
         let file = format!("{view}.png");
-        fs::write(folder.join(&file), picture.encode_png(&Place::new(&file)).unwrap()).unwrap();
+        fs::write(folder.join(&file), picture.encode_png(&Location::new(&file)).unwrap()).unwrap();
         let angle = f64::from(view);
         let (x, z) = (5.0 * angle.sin(), 5.0 * angle.cos());
         views += &format!(

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use bokashi_scene::{Picture, Place, Samples};
+use bokashi_scene::{Location, Picture, Samples};
 use serde_json::{Value, json};
 
 use crate::PROGRAM;
@@ -357,7 +357,7 @@ fn what_is_packed_into_little_takes_little() {
     // A block of an EXR that says how long it is, and is longer.
     let samples = Samples::F32(vec![0.0; 64 * 16]);
     let picture = Picture { width: 64, height: 16, channels: 1, samples };
-    let mut exr = picture.encode_exr(&Place::new("a.exr")).unwrap();
+    let mut exr = picture.encode_exr(&Location::new("a.exr")).unwrap();
     let word = |at: usize| u64::from_le_bytes(exr[at..at + 8].try_into().unwrap());
     // The only entry of the table of blocks leads to what follows it: the row, the length, the data.
     let table = (0..exr.len() - 8).find(|&at| word(at) == at as u64 + 8).unwrap();

@@ -165,7 +165,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     assert!(numbers["objects"]["sphere"]["places"][0][3][3] == 1.0);
     for what in ["result", "target", "difference"] {
         let file = format!("views/00-{what}.png");
-        let size = Picture::decode_size(&out.read(&file).unwrap(), &Place::new(&file)).unwrap();
+        let size = Picture::decode_size(&out.read(&file).unwrap(), &Location::new(&file)).unwrap();
         assert_eq!(size, [32, 32], "{what}");
     }
     // Its images are found from where it lies.
@@ -195,7 +195,7 @@ fn a_scene_is_rendered_as_pictures_depth_normals_and_ids() {
     assert_eq!(told, "front: 8 files\n");
     let read = |name: &str| {
         let file = folder.join("out").join(name);
-        Picture::decode(&fs::read(&file).unwrap(), &Place::new(&file)).unwrap()
+        Picture::decode(&fs::read(&file).unwrap(), &Location::new(&file)).unwrap()
     };
     let middle = 6 * 16 + 8;
     let at = |picture: &Picture, channel: usize| picture.channel(channel).unwrap().data()[middle];

@@ -47,7 +47,7 @@ fn what_is_wrong_with_a_scene_is_said() {
         folder,
         "black.png",
         Picture { width: 32, height: 32, channels: 1, samples: Samples::U8(vec![0; 1024]) }
-            .encode_png(&Place::new("a"))
+            .encode_png(&Location::new("a"))
             .unwrap(),
     );
     let sized = "camera = { position = [1, 0, 5], angle = 40, size = [64, 32] }\n";
@@ -124,7 +124,7 @@ fn images_cameras_and_saved_fits_are_told() {
     assert!(told.contains("parameter \"vertices/object\"\n  shape         [2402,3]\n"), "{told}");
     let clear =
         Picture { width: 1, height: 1, channels: 4, samples: Samples::U8(vec![255, 255, 255, 0]) };
-    write(folder, "clear.png", clear.encode_png(&Place::new("a")).unwrap());
+    write(folder, "clear.png", clear.encode_png(&Location::new("a")).unwrap());
     let [told, _] = ended(folder, &["inspect", "clear.png"], 1);
     assert!(told.contains("\nproblem: an image shows something"), "{told}");
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use bokashi_scene::{Folder, Picture, Place, Samples, Scene, SceneFit, read_model};
+use bokashi_scene::{Folder, Location, Picture, Samples, Scene, SceneFit, read_model};
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
@@ -40,7 +40,7 @@ fn disk(width: usize, height: usize, channels: usize) -> Vec<u8> {
     };
     let sample = |k: usize| if is_inside(k / channels) { 40 + (k % 5 * 50) as u8 } else { 0 };
     let samples = Samples::U8((0..width * height * channels).map(sample).collect());
-    Picture { width, height, channels, samples }.encode_png(&Place::new("disk")).unwrap()
+    Picture { width, height, channels, samples }.encode_png(&Location::new("disk")).unwrap()
 }
 
 /// The poses of cameras around a place, as OpenGL has them.

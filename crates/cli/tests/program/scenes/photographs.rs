@@ -20,7 +20,7 @@ fn gray(width: usize, height: usize, inside: u8) -> Vec<u8> {
     let sample =
         |k: usize| if (width / 4..width * 3 / 4).contains(&(k % width)) { inside } else { 0 };
     let samples = Samples::U8((0..width * height).map(sample).collect());
-    Picture { width, height, channels: 1, samples }.encode_png(&Place::new("gray")).unwrap()
+    Picture { width, height, channels: 1, samples }.encode_png(&Location::new("gray")).unwrap()
 }
 
 fn views(folder: &Path, scene: &str) -> Vec<(String, String)> {
@@ -214,7 +214,7 @@ fn opacity_that_tells_nothing_is_no_mask() {
     let opaque =
         Samples::U8((0..32 * 32 * 4).map(|k| if k % 4 == 3 { 255 } else { k as u8 }).collect());
     let opaque = Picture { width: 32, height: 32, channels: 4, samples: opaque };
-    write(folder, "photos/a.png", opaque.encode_png(&Place::new("a")).unwrap());
+    write(folder, "photos/a.png", opaque.encode_png(&Location::new("a")).unwrap());
     let told = said(folder, &["new", "a", "--images", "photos"]);
     assert!(told.contains("note: the opacity of the images is the same everywhere"), "{told}");
     let scene = fs::read_to_string(folder.join("a/scene.toml")).unwrap();
@@ -231,7 +231,7 @@ fn pictures_are_encoded_once() {
     let folder = place.path();
     let photo = Samples::U8((0..24 * 24 * 3).map(|k| (k * 29 % 256) as u8).collect());
     let photo = Picture { width: 24, height: 24, channels: 3, samples: photo };
-    write(folder, "p.png", photo.encode_png(&Place::new("p")).unwrap());
+    write(folder, "p.png", photo.encode_png(&Location::new("p")).unwrap());
     for tone in ["srgb", "linear"] {
         // A wall that fills the view. 188, 124 and 64 are 0.5029, 0.202 and 0.0513 of the light.
         let text = format!(

@@ -25,7 +25,7 @@ use bokashi_core::Shape;
 use self::header::{Element, Header};
 use super::number_type::NumberType;
 use super::raw_array::{RawArray, bytes_of, needed};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::file::{read_file, write_file};
 
 /// What every file begins with.
@@ -42,18 +42,18 @@ const DIGITS: usize = 21;
 /// # Errors
 /// [`SceneError::Read`] where it can't be read; as [`read_npy_bytes`].
 pub fn read_npy(path: impl AsRef<Path>) -> Result<RawArray, SceneError> {
-    read_npy_bytes(&read_file(path.as_ref())?, &Place::new(path))
+    read_npy_bytes(&read_file(path.as_ref())?, &Location::new(path))
 }
 
-/// The array in an npy file of these `bytes`. `place` names the file in errors.
+/// The array in an npy file of these `bytes`. `location` names the file in errors.
 ///
 /// # Errors
 /// [`SceneError::Content`] for what is no npy file, for numbers of a type that is not read, and where there
 /// are more or fewer bytes than the shape needs.
-pub fn read_npy_bytes(bytes: &[u8], place: &Place) -> Result<RawArray, SceneError> {
-    match decode(bytes, place)? {
+pub fn read_npy_bytes(bytes: &[u8], location: &Location) -> Result<RawArray, SceneError> {
+    match decode(bytes, location)? {
         Ok(array) => Ok(array),
-        Err(foreign) => Err(SceneError::content(place.clone(), foreign)),
+        Err(foreign) => Err(SceneError::content(location.clone(), foreign)),
     }
 }
 
@@ -100,8 +100,11 @@ pub fn npy(array: &RawArray) -> Result<Vec<u8>, SceneError> {
 ///
 /// # Errors
 /// [`SceneError::Content`] for bytes that are no npy file.
-pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Result<RawArray, String>, SceneError> {
-    let wrong = |message: String| SceneError::content(place.clone(), message);
+pub(super) fn decode(
+    bytes: &[u8],
+    location: &Location,
+) -> Result<Result<RawArray, String>, SceneError> {
+    let wrong = |message: String| SceneError::content(location.clone(), message);
     let (text, numbers) = split(bytes).map_err(wrong)?;
     let Header { element, is_fortran, shape } = header::parse(&text).map_err(wrong)?;
     let (kind, is_big_endian) = match element {
@@ -120,7 +123,7 @@ pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Result<RawArray, Str
     if is_fortran && !numbers.is_empty() {
         numbers = row_major(kind, &shape, &numbers);
     }
-    RawArray::from_file(place.clone(), kind, shape, numbers).map(Ok)
+    RawArray::from_file(location.clone(), kind, shape, numbers).map(Ok)
 }
 
 /// The text of the header, and the bytes after it.

@@ -10,20 +10,20 @@ use super::*;
 type Read = fn(&[u8]);
 
 fn read_as_npy(bytes: &[u8]) {
-    if let Ok(array) = read_npy_bytes(bytes, &place()) {
+    if let Ok(array) = read_npy_bytes(bytes, &location()) {
         look(&array);
     }
 }
 
 fn read_as_safetensors(bytes: &[u8]) {
-    if let Ok(arrays) = read_safetensors_bytes(bytes, &place()) {
+    if let Ok(arrays) = read_safetensors_bytes(bytes, &location()) {
         arrays.names().for_each(|name| arrays.get(name).map_or((), look));
     }
 }
 
 #[cfg(feature = "npz")]
 fn read_as_npz(bytes: &[u8]) {
-    if let Ok(arrays) = read_npz_bytes(bytes, &place()) {
+    if let Ok(arrays) = read_npz_bytes(bytes, &location()) {
         arrays.names().for_each(|name| arrays.get(name).map_or((), look));
     }
 }
@@ -181,7 +181,7 @@ fn archives_that_claim_too_much_take_no_memory() {
     };
     let directory = u32::from_le_bytes(plain[end + 16..end + 20].try_into().unwrap()).into();
     // As it is, and then with more of everything.
-    assert_eq!(read_npz_bytes(&claim(5, 1000, directory), &place()).unwrap().names().len(), 5);
+    assert_eq!(read_npz_bytes(&claim(5, 1000, directory), &location()).unwrap().names().len(), 5);
     let large = [1 << 20, 1 << 31, 1 << 40, u64::MAX / 46, u64::MAX];
     for count in [5].into_iter().chain(large) {
         for size in [1000].into_iter().chain(large) {

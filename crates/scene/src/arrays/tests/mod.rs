@@ -17,7 +17,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::*;
-use crate::error::Place;
+use crate::error::Location;
 
 /// Where NumPy's files are; `tests/data/make_arrays.py` made them.
 fn data() -> PathBuf {
@@ -28,8 +28,8 @@ fn file(name: &str) -> Vec<u8> {
     std::fs::read(data().join(name)).unwrap()
 }
 
-fn place() -> Place {
-    Place::new("file")
+fn location() -> Location {
+    Location::new("file")
 }
 
 /// Shapes of up to five axes; many of them have no entries.

@@ -14,7 +14,7 @@ fn read(name: &str) -> RawArray {
 }
 
 fn message(bytes: &[u8]) -> String {
-    read_npy_bytes(bytes, &place()).unwrap_err().to_string()
+    read_npy_bytes(bytes, &location()).unwrap_err().to_string()
 }
 
 /// A file of version 1.0 with this header.
@@ -157,7 +157,7 @@ fn headers_are_read_as_python_writes_them_and_no_other_way() {
         "{'descr': '<f8', 'fortran_order': False, 'shape': (1L, 1L), }\n",
     ];
     for header in fine {
-        let array = read_npy_bytes(&with_header(header, &number), &place()).unwrap();
+        let array = read_npy_bytes(&with_header(header, &number), &location()).unwrap();
         assert_eq!(array.tensor::<f64>().unwrap().data(), [7.0], "{header}");
     }
     let rows = [
@@ -215,7 +215,7 @@ fn lengths_against_the_shape_are_refused() {
     for order in ["True", "False"] {
         let header =
             header("(0, 18446744073709551615, 18446744073709551615)").replace("False", order);
-        let array = read_npy_bytes(&with_header(&header, &[]), &place()).unwrap();
+        let array = read_npy_bytes(&with_header(&header, &[]), &location()).unwrap();
         assert_eq!(array.tensor::<f32>().unwrap().size(), 0);
         assert_eq!(npy(&array).unwrap().len() % 64, 0);
     }
@@ -267,7 +267,7 @@ proptest! {
     fn every_array_comes_back(array in arrays()) {
         prop_assume!(array.number_type() != NumberType::Bf16);
         let bytes = npy(&array).unwrap();
-        prop_assert_eq!(read_npy_bytes(&bytes, &place()).unwrap(), array);
+        prop_assert_eq!(read_npy_bytes(&bytes, &location()).unwrap(), array);
     }
 
     #[test]
@@ -295,7 +295,7 @@ proptest! {
         let header = String::from_utf8(written[10..written.len() - numbers.len()].to_vec()).unwrap();
         let header = if is_big { header.replace('<', ">") } else { header };
         let header = if is_fortran { header.replace("False", "True") } else { header };
-        let found = read_npy_bytes(&with_header(&header, &numbers), &place()).unwrap();
+        let found = read_npy_bytes(&with_header(&header, &numbers), &location()).unwrap();
         prop_assert_eq!(found, array);
     }
 }

@@ -7,11 +7,11 @@ use zip::{CompressionMethod, ZipWriter};
 use super::*;
 
 fn read(bytes: &[u8]) -> ArrayFile {
-    read_npz_bytes(bytes, &place()).unwrap()
+    read_npz_bytes(bytes, &location()).unwrap()
 }
 
 fn message(bytes: &[u8]) -> String {
-    read_npz_bytes(bytes, &place()).unwrap_err().to_string()
+    read_npz_bytes(bytes, &location()).unwrap_err().to_string()
 }
 
 /// A zip archive of these files, stored.
@@ -167,7 +167,7 @@ fn no_more_is_unpacked_than_may_be() {
     arrays.insert("b", Tensor::<f32>::zeros([1000]));
     let bytes = npz(&arrays, Packing::Deflated).unwrap();
     let unpacked = 2 * (128 + 4000);
-    let most = |most: u64| super::super::npz::unpacked(&bytes, &place(), most);
+    let most = |most: u64| super::super::npz::unpacked(&bytes, &location(), most);
     assert!(most(unpacked).is_ok());
     for least in [0, 128, 4127, 4128, unpacked - 1] {
         let message = most(least).unwrap_err().to_string();
@@ -179,7 +179,7 @@ fn no_more_is_unpacked_than_may_be() {
     arrays.insert("a", Tensor::<f32>::zeros([10_000_000]));
     let bytes = npz(&arrays, Packing::Deflated).unwrap();
     let counted = allocation_counter::measure(|| {
-        assert!(super::super::npz::unpacked(&bytes, &place(), 1000).is_err());
+        assert!(super::super::npz::unpacked(&bytes, &location(), 1000).is_err());
     });
     assert!(counted.bytes_max < 200_000, "{}", counted.bytes_max);
 }

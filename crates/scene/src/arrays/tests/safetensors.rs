@@ -9,11 +9,11 @@ use super::*;
 use crate::{Scene, SceneFit};
 
 fn read(bytes: &[u8]) -> ArrayFile {
-    read_safetensors_bytes(bytes, &place()).unwrap()
+    read_safetensors_bytes(bytes, &location()).unwrap()
 }
 
 fn message(bytes: &[u8]) -> String {
-    read_safetensors_bytes(bytes, &place()).unwrap_err().to_string()
+    read_safetensors_bytes(bytes, &location()).unwrap_err().to_string()
 }
 
 fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::records::{self, ColmapPoint, Lens, MODELS, Numbered, Shot, camera};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// The least bytes of a record of each file.
 const LEAST_OF_CAMERA: usize = 4 + 4 + 8 + 8 + 3 * 8;
@@ -17,17 +17,17 @@ const TRACK_ENTRY: usize = 4 + 4;
 struct Bytes<'b> {
     all: usize,
     rest: &'b [u8],
-    place: &'b Place,
+    location: &'b Location,
 }
 
 impl<'b> Bytes<'b> {
-    fn new(bytes: &'b [u8], place: &'b Place) -> Self {
-        Self { all: bytes.len(), rest: bytes, place }
+    fn new(bytes: &'b [u8], location: &'b Location) -> Self {
+        Self { all: bytes.len(), rest: bytes, location }
     }
 
     fn error(&self, message: impl std::fmt::Display) -> SceneError {
         let at = self.all - self.rest.len();
-        SceneError::content(self.place.clone(), format!("byte {at}: {message}"))
+        SceneError::content(self.location.clone(), format!("byte {at}: {message}"))
     }
 
     fn take(&mut self, count: usize) -> Result<&'b [u8], SceneError> {
@@ -86,8 +86,8 @@ impl<'b> Bytes<'b> {
     }
 }
 
-pub(super) fn lenses(bytes: &[u8], place: &Place) -> Result<Vec<Lens>, SceneError> {
-    let mut bytes = Bytes::new(bytes, place);
+pub(super) fn lenses(bytes: &[u8], location: &Location) -> Result<Vec<Lens>, SceneError> {
+    let mut bytes = Bytes::new(bytes, location);
     let lens = |bytes: &mut Bytes<'_>| {
         let number = bytes.u32()?;
         let model = bytes.u32()?;
@@ -103,8 +103,8 @@ pub(super) fn lenses(bytes: &[u8], place: &Place) -> Result<Vec<Lens>, SceneErro
     (0..count).map(|_| lens(&mut bytes)).collect()
 }
 
-pub(super) fn shots(bytes: &[u8], place: &Place) -> Result<Vec<Shot>, SceneError> {
-    let mut bytes = Bytes::new(bytes, place);
+pub(super) fn shots(bytes: &[u8], location: &Location) -> Result<Vec<Shot>, SceneError> {
+    let mut bytes = Bytes::new(bytes, location);
     let shot = |bytes: &mut Bytes<'_>| {
         let _number = bytes.u32()?;
         let w = bytes.f64()?;
@@ -124,8 +124,8 @@ pub(super) fn shots(bytes: &[u8], place: &Place) -> Result<Vec<Shot>, SceneError
     (0..count).map(|_| shot(&mut bytes)).collect()
 }
 
-pub(super) fn points(bytes: &[u8], place: &Place) -> Result<Vec<Numbered>, SceneError> {
-    let mut bytes = Bytes::new(bytes, place);
+pub(super) fn points(bytes: &[u8], location: &Location) -> Result<Vec<Numbered>, SceneError> {
+    let mut bytes = Bytes::new(bytes, location);
     let point = |bytes: &mut Bytes<'_>| {
         let number = bytes.u64()?;
         let position = bytes.vector()?;

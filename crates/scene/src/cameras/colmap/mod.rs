@@ -57,19 +57,19 @@ pub fn read_colmap(
 ) -> Result<CameraFile, SceneError> {
     let (path, note) = find_colmap(folder, path);
     let mut notes: Vec<_> = note.into_iter().collect();
-    let (lenses, place) = read(folder, &path, "cameras", binary::lenses, text::lenses)?;
+    let (lenses, location) = read(folder, &path, "cameras", binary::lenses, text::lenses)?;
     let mut cameras = BTreeMap::new();
     for Lens { number, camera } in lenses {
         if cameras.insert(number, camera).is_some() {
             let message = format!("cameras have numbers of their own, and {number} is repeated");
-            return Err(SceneError::content(place, message));
+            return Err(SceneError::content(location, message));
         }
     }
-    let (shots, place) = shots(folder, &path)?;
+    let (shots, location) = shots(folder, &path)?;
     let mut views = BTreeMap::new();
     for Shot { rotation, translation, camera, name } in shots {
         let content =
-            |message| SceneError::content(place.clone(), format!("image {name:?}: {message}"));
+            |message| SceneError::content(location.clone(), format!("image {name:?}: {message}"));
         let Some(lens) = cameras.get(&camera) else {
             let rule = "an image has a camera of the file beside";
             return Err(content(format!("{rule}, and there is none of number {camera}")));
@@ -112,12 +112,12 @@ pub fn read_colmap_points(
     path: impl AsRef<Path>,
 ) -> Result<Vec<ColmapPoint>, SceneError> {
     let (path, _) = find_colmap(folder, path);
-    let (mut points, place) = read(folder, &path, "points3D", binary::points, text::points)?;
+    let (mut points, location) = read(folder, &path, "points3D", binary::points, text::points)?;
     points.sort_by_key(|point| point.number);
     if let Some(pair) = points.windows(2).find(|pair| pair[0].number == pair[1].number) {
         let message =
             format!("points have numbers of their own, and {} is repeated", pair[0].number);
-        return Err(SceneError::content(place, message));
+        return Err(SceneError::content(location, message));
     }
     Ok(points.into_iter().map(|numbered| numbered.point).collect())
 }

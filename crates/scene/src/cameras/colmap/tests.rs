@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::*;
 use crate::cameras::tests::{assert_seen, scene, write};
 use crate::cameras::{Camera, CameraFile, Distortion, NamedView, read_transforms, transforms_json};
-use crate::error::Place;
+use crate::error::Location;
 
 /// COLMAP's fisheyes, and its quotient of polynomials.
 const WIDE_CAMERAS: &str = "1 OPENCV_FISHEYE 100 80 100 200 50 40 0.1 0.2 0.3 0.4\n\
@@ -281,34 +281,34 @@ fn counts_beyond_the_file_take_no_memory() {
 
 #[test]
 fn files_that_are_cut_short_have_an_answer_at_each_length() {
-    let (whole, place) = (binary(), Place::new("file"));
+    let (whole, location) = (binary(), Location::new("file"));
     for length in 0..whole.cameras.len() {
-        assert!(binary::lenses(&whole.cameras[..length], &place).is_err(), "{length}");
+        assert!(binary::lenses(&whole.cameras[..length], &location).is_err(), "{length}");
     }
     for length in 0..whole.images.len() {
-        assert!(binary::shots(&whole.images[..length], &place).is_err(), "{length}");
+        assert!(binary::shots(&whole.images[..length], &location).is_err(), "{length}");
     }
     for length in 0..whole.points.len() {
-        assert!(binary::points(&whole.points[..length], &place).is_err(), "{length}");
+        assert!(binary::points(&whole.points[..length], &location).is_err(), "{length}");
     }
     // A text that ends with a line, or with a shorter number, is a file.
     for length in 0..CAMERAS.len() {
-        let found = text::lenses(&CAMERAS[..length], &place);
+        let found = text::lenses(&CAMERAS[..length], &location);
         assert!(found.map_or(0, |lenses| lenses.len()) <= 5);
     }
     for length in 0..IMAGES.len() {
-        let found = text::shots(&IMAGES[..length], &place);
+        let found = text::shots(&IMAGES[..length], &location);
         assert!(found.map_or(0, |shots| shots.len()) <= 5);
     }
     for length in 0..POINTS.len() {
-        let found = text::points(&POINTS[..length], &place);
+        let found = text::points(&POINTS[..length], &location);
         assert!(found.map_or(0, |points| points.len()) <= 2);
     }
 }
 
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
-    let (whole, place) = (binary(), Place::new("file"));
+    let (whole, location) = (binary(), Location::new("file"));
     let changed = |file: &[u8], offset: usize, value: u8| {
         let mut file = file.to_vec();
         file[offset] = value;
@@ -316,16 +316,16 @@ fn files_with_a_wrong_byte_have_an_answer() {
     };
     for value in [0, 1, 0x7f, 0x80, 0xff] {
         for offset in 0..whole.cameras.len() {
-            if let Ok(lenses) = binary::lenses(&changed(&whole.cameras, offset, value), &place) {
+            if let Ok(lenses) = binary::lenses(&changed(&whole.cameras, offset, value), &location) {
                 assert!(lenses.iter().flat_map(|lens| lens.camera.intrinsics).all(f64::is_finite));
             }
         }
         for offset in 0..whole.images.len() {
-            let found = binary::shots(&changed(&whole.images, offset, value), &place);
+            let found = binary::shots(&changed(&whole.images, offset, value), &location);
             assert!(found.is_err() || found.is_ok_and(|shots| shots.len() <= 5));
         }
         for offset in 0..whole.points.len() {
-            if let Ok(points) = binary::points(&changed(&whole.points, offset, value), &place) {
+            if let Ok(points) = binary::points(&changed(&whole.points, offset, value), &location) {
                 assert!(points.iter().all(|numbered| numbered.point.position.is_finite()));
             }
         }

@@ -5,18 +5,18 @@ use std::str::{FromStr, SplitWhitespace};
 use glam::{DQuat, DVec3};
 
 use super::records::{ColmapPoint, Lens, Numbered, Shot, camera};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// A record, and where it is for errors.
 struct Record<'t> {
     line: usize,
     rest: SplitWhitespace<'t>,
-    place: &'t Place,
+    location: &'t Location,
 }
 
 impl<'t> Record<'t> {
     fn error(&self, message: impl std::fmt::Display) -> SceneError {
-        SceneError::content(Place { line: Some(self.line), ..self.place.clone() }, message)
+        SceneError::content(Location { line: Some(self.line), ..self.location.clone() }, message)
     }
 
     /// The next word.
@@ -38,12 +38,12 @@ impl<'t> Record<'t> {
 }
 
 /// The lines that are neither empty nor comments, with their numbers.
-fn records<'t>(text: &'t str, place: &'t Place) -> impl Iterator<Item = Record<'t>> {
+fn records<'t>(text: &'t str, location: &'t Location) -> impl Iterator<Item = Record<'t>> {
     let lines = text.lines().enumerate();
     lines.filter(|(_, line)| is_record(line)).map(move |(index, line)| Record {
         line: index + 1,
         rest: line.split_whitespace(),
-        place,
+        location,
     })
 }
 
@@ -53,7 +53,7 @@ fn is_record(line: &str) -> bool {
 }
 
 /// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`.
-pub(super) fn lenses(text: &str, place: &Place) -> Result<Vec<Lens>, SceneError> {
+pub(super) fn lenses(text: &str, location: &Location) -> Result<Vec<Lens>, SceneError> {
     let lens = |mut record: Record<'_>| {
         let number = record.number("a camera's number")?;
         let model = record.word("a camera's model")?;
@@ -66,18 +66,18 @@ pub(super) fn lenses(text: &str, place: &Place) -> Result<Vec<Lens>, SceneError>
         let camera = camera(model, size, &parameters).map_err(|message| record.error(message))?;
         Ok(Lens { number, camera })
     };
-    records(text, place).map(lens).collect()
+    records(text, location).map(lens).collect()
 }
 
 /// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and a line of features, which may be empty.
-pub(super) fn shots(text: &str, place: &Place) -> Result<Vec<Shot>, SceneError> {
+pub(super) fn shots(text: &str, location: &Location) -> Result<Vec<Shot>, SceneError> {
     let mut shots = Vec::new();
     let mut lines = text.lines().enumerate();
     while let Some((index, line)) = lines.next() {
         if !is_record(line) {
             continue;
         }
-        let mut record = Record { line: index + 1, rest: line.split_whitespace(), place };
+        let mut record = Record { line: index + 1, rest: line.split_whitespace(), location };
         record.number::<u32>("an image's number")?;
         let w = record.number("QW")?;
         let DVec3 { x, y, z } = record.vector(["QX", "QY", "QZ"])?;
@@ -95,8 +95,8 @@ pub(super) fn shots(text: &str, place: &Place) -> Result<Vec<Shot>, SceneError> 
         {
             let rule =
                 "after an image's line comes one of its points, of three numbers each or empty";
-            let place = Place { line: Some(index + 1), ..place.clone() };
-            return Err(SceneError::content(place, format!("{rule}, and this is neither")));
+            let location = Location { line: Some(index + 1), ..location.clone() };
+            return Err(SceneError::content(location, format!("{rule}, and this is neither")));
         }
     }
     Ok(shots)
@@ -122,7 +122,7 @@ fn after_words(line: &str, count: usize) -> &str {
 }
 
 /// `POINT3D_ID X Y Z R G B ERROR TRACK[]`.
-pub(super) fn points(text: &str, place: &Place) -> Result<Vec<Numbered>, SceneError> {
+pub(super) fn points(text: &str, location: &Location) -> Result<Vec<Numbered>, SceneError> {
     let point = |mut record: Record<'_>| {
         let number = record.number("a point's number")?;
         let position = record.vector(["X", "Y", "Z"])?;
@@ -132,5 +132,5 @@ pub(super) fn points(text: &str, place: &Place) -> Result<Vec<Numbered>, SceneEr
         let color = [record.number("R")?, record.number("G")?, record.number("B")?];
         Ok(Numbered { number, point: ColmapPoint { position, color } })
     };
-    records(text, place).map(point).collect()
+    records(text, location).map(point).collect()
 }

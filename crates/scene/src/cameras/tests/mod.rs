@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use tempfile::TempDir;
 
 use super::Camera;
-use crate::error::Place;
+use crate::error::Location;
 use crate::folder::Folder;
 use crate::picture::{Picture, Samples};
 
@@ -19,7 +19,7 @@ pub(super) fn scene(texts: &[(&str, &str)], images: &[&str]) -> (TempDir, Folder
         write(folder.path(), path, text.as_bytes());
     }
     let image = Picture { width: 4, height: 2, channels: 1, samples: Samples::U8(vec![7; 8]) };
-    let image = image.encode_png(&Place::new("image")).unwrap();
+    let image = image.encode_png(&Location::new("image")).unwrap();
     for path in images {
         write(folder.path(), path, &image);
     }

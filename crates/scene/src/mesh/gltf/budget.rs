@@ -3,7 +3,7 @@
 //! A short glTF file can name one large part very often: an accessor in many primitives, a mesh in many
 //! nodes. Files that share parts for a purpose stay far below this bound.
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 
 /// Bytes of memory that each byte of the file and its buffers allows.
 const BYTES_OF_A_BYTE: u64 = 32;
@@ -39,23 +39,27 @@ impl Budget {
         &mut self,
         count: u64,
         bytes: usize,
-        place: &Place,
+        location: &Location,
     ) -> Result<(), SceneError> {
         self.spent = self.spent.saturating_add(count.saturating_mul(bytes as u64));
-        check("bytes of meshes in a file of this length", self.most, self.spent, place)
+        check("bytes of meshes in a file of this length", self.most, self.spent, location)
     }
 
     /// Refuses images that together have more bytes than were read: they overlap. A few bytes of an image
     /// may be very many pixels.
-    pub(super) fn spend_image(&mut self, bytes: usize, place: &Place) -> Result<(), SceneError> {
+    pub(super) fn spend_image(
+        &mut self,
+        bytes: usize,
+        location: &Location,
+    ) -> Result<(), SceneError> {
         self.of_images = self.of_images.saturating_add(bytes as u64);
-        check("bytes of images in a file of this length", self.read, self.of_images, place)
+        check("bytes of images in a file of this length", self.read, self.of_images, location)
     }
 }
 
-fn check(what: &'static str, most: u64, found: u64, place: &Place) -> Result<(), SceneError> {
+fn check(what: &'static str, most: u64, found: u64, location: &Location) -> Result<(), SceneError> {
     match found > most {
-        true => Err(SceneError::TooLarge { place: place.clone(), what, most, found }),
+        true => Err(SceneError::TooLarge { location: location.clone(), what, most, found }),
         false => Ok(()),
     }
 }

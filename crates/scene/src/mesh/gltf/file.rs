@@ -68,7 +68,7 @@ impl<'r, 'f> GltfFile<'r, 'f> {
 
     /// Refuses what takes more memory than is left: `count` parts of `bytes` each.
     pub(super) fn spend(&mut self, count: u64, bytes: usize) -> Result<(), SceneError> {
-        self.budget.spend(count, bytes, &self.context.place())
+        self.budget.spend(count, bytes, &self.context.location())
     }
 
     /// The buffer with this number.
@@ -137,11 +137,11 @@ impl<'r, 'f> GltfFile<'r, 'f> {
     /// The number of an image in the model; nothing where its file is missing or can't be read, which is noted.
     pub(super) fn image(&mut self, number: usize) -> Result<Option<usize>, SceneError> {
         let image = &self.root.images[number];
-        let (place, name) = (self.context.place(), number.to_string());
+        let (location, name) = (self.context.location(), number.to_string());
         match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match uri::target(uri).map_err(|rule| self.error(rule))? {
                 Target::File(name) => self.context.image(&name),
-                Target::Data(bytes) => self.context.decode(&bytes, &place, &name),
+                Target::Data(bytes) => self.context.decode(&bytes, &location, &name),
             },
             (None, Some(index)) => {
                 let view = self.view(index)?;
@@ -149,8 +149,8 @@ impl<'r, 'f> GltfFile<'r, 'f> {
                 if let Some(&known) = self.images.get(&key) {
                     return Ok(known);
                 }
-                self.budget.spend_image(view.bytes().len(), &place)?;
-                let image = self.context.decode(view.bytes(), &place, &name)?;
+                self.budget.spend_image(view.bytes().len(), &location)?;
+                let image = self.context.decode(view.bytes(), &location, &name)?;
                 self.images.insert(key, image);
                 Ok(image)
             }

@@ -41,7 +41,7 @@ use self::file::GltfFile;
 use self::nodes::Nodes;
 use self::poses::Poses;
 pub(crate) use self::uri::unescaped;
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
 use crate::model::Model;
@@ -61,8 +61,8 @@ const KNOWN: [&str; 4] =
 
 /// The model of a glTF file with these bytes.
 pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
-    let place = context.place();
-    let refused = |message: String| SceneError::content(place.clone(), message);
+    let location = context.location();
+    let refused = |message: String| SceneError::content(location.clone(), message);
     let is_binary = bytes.starts_with(MAGIC);
     let (text, chunk) = match is_binary {
         true => {
@@ -87,7 +87,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let objects = text.iter().filter(|&&byte| byte == b'{').count();
-    Budget::new(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &place)?;
+    Budget::new(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &location)?;
     let root = gltf_root(text).map_err(|error| {
         // A file of version 1 has other parts altogether.
         if let Some(version) = gltf_version(text).filter(|version| !is_read(version)) {
@@ -99,8 +99,8 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
         };
         let [line, column] = [error.line(), error.column()]
             .map(|number| Some(number).filter(|&number| !is_binary && number > 0));
-        let place = Place { line, column, ..place.clone() };
-        SceneError::content(place, format!("{rule}: {}", json_message(&error)))
+        let location = Location { line, column, ..location.clone() };
+        SceneError::content(location, format!("{rule}: {}", json_message(&error)))
     })?;
     let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
     if !is_read(version) {

@@ -134,8 +134,8 @@ pub(super) fn read(
 fn in_mesh(error: SceneError, mesh: usize, primitive: Option<usize>) -> SceneError {
     let suffix = primitive.map_or(String::new(), |primitive| format!(", primitive {primitive}"));
     match error {
-        SceneError::Content { place, message } => {
-            SceneError::Content { place, message: format!("mesh {mesh}{suffix}: {message}") }
+        SceneError::Content { location, message } => {
+            SceneError::Content { location, message: format!("mesh {mesh}{suffix}: {message}") }
         }
         other => other,
     }
@@ -224,7 +224,7 @@ impl Surface {
             normals: corners(&normals, &self.normals),
             tangents: corners(&tangents, &self.tangents),
         };
-        welder.weld(raw, &context.place(), &mut context.notes)
+        welder.weld(raw, &context.location(), &mut context.notes)
     }
 }
 

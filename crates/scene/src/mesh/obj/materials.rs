@@ -26,7 +26,7 @@ use std::path::Path;
 
 use super::maps::{Map, Packed};
 use super::statements::{Statements, numbers, rest, text};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::context::{MeshContext, unquoted};
 use crate::mesh::notes::{left_out, name};
 use crate::model::{MaterialFile, MaterialMap};
@@ -105,7 +105,7 @@ fn read_file(
     described: &mut HashMap<String, (String, Described)>,
     context: &mut MeshContext<'_>,
 ) -> Result<(), SceneError> {
-    let (bytes, path) = (context.read(file)?, context.place_of(file).path);
+    let (bytes, path) = (context.read(file)?, context.location_of(file).path);
     let slashes = file.replace('\\', "/");
     let folder = Path::new(&slashes).parent().unwrap_or(Path::new(""));
     let folder = folder.to_string_lossy().into_owned();
@@ -117,7 +117,7 @@ fn read_file(
             context.notes.add(note);
         }
     };
-    for (number, line) in Statements::new(&text(&bytes, &Place::new(&path))?) {
+    for (number, line) in Statements::new(&text(&bytes, &Location::new(&path))?) {
         let Some(keyword) = line.split_whitespace().next() else { continue };
         let arguments = rest(&line, keyword);
         match (&*keyword.to_ascii_lowercase(), &mut current) {
@@ -126,7 +126,7 @@ fn read_file(
                 *current = Some((name(arguments), Described::default()));
             }
             (_, Some((_, material))) => {
-                material.set(keyword, arguments, || Place::line(&path, number))?;
+                material.set(keyword, arguments, || Location::line(&path, number))?;
             }
             (word, None) if word.starts_with('#') => {}
             (_, None) => context.notes.add("statements before the first material were left out"),
@@ -142,10 +142,10 @@ impl Described {
         &mut self,
         keyword: &str,
         arguments: &str,
-        place: impl Fn() -> Place,
+        location: impl Fn() -> Location,
     ) -> Result<(), SceneError> {
         let number = || -> Result<Option<f32>, SceneError> {
-            let ([number], count) = numbers(arguments.split_whitespace(), keyword, &place)?;
+            let ([number], count) = numbers(arguments.split_whitespace(), keyword, &location)?;
             Ok((count == 1).then_some(number))
         };
         match &*keyword.to_ascii_lowercase() {
@@ -153,14 +153,14 @@ impl Described {
                 true => self.left_out.push("Kd of another colour space"),
                 false => {
                     let words = arguments.split_whitespace();
-                    let ([r, g, b], count) = numbers(words, keyword, &place)?;
+                    let ([r, g, b], count) = numbers(words, keyword, &location)?;
                     self.color = match count {
                         // The format lets green and blue be left out.
                         1 => Some([r; 3]),
                         3 => Some([r, g, b]),
                         _ => {
                             let message = format!("Kd has three numbers, and this has {count}");
-                            return Err(SceneError::content(place(), message));
+                            return Err(SceneError::content(location(), message));
                         }
                     };
                 }

@@ -41,15 +41,15 @@ use crate::picture::Picture;
 
 /// The model of an OBJ file with these bytes.
 pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
-    let parts = Parts::read(&text(bytes, &context.place())?, context)?;
+    let parts = Parts::read(&text(bytes, &context.location())?, context)?;
     let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, context)?;
     let (mut welder, mut model) = (Welder::default(), Model { materials, ..Model::default() });
-    let place = context.place();
+    let location = context.location();
     // Vertices have numbers, so that no seam needs several of them.
     let is_welded = context.options.weld.unwrap_or(false);
     for surface in parts.surfaces(&mut context.notes) {
         let raw = parts.raw(&surface, &numbers, is_welded, &mut context.notes);
-        if let Some(geometry) = welder.weld(raw, &place, &mut context.notes)? {
+        if let Some(geometry) = welder.weld(raw, &location, &mut context.notes)? {
             let offset = parts.near.offset;
             let (name, transform) = (geometry.name.clone(), DMat4::from_translation(offset));
             model.placed.push(Placed { name, geometry: model.geometries.len(), transform });

@@ -72,8 +72,8 @@ impl Parts {
             match words.next() {
                 Some("v") => parts.vertex(words, number, context)?,
                 Some("vt") => {
-                    let place = || context.line(number);
-                    let ([u, v, w], count) = numbers(words, "a texture coordinate", place)?;
+                    let location = || context.line(number);
+                    let ([u, v, w], count) = numbers(words, "a texture coordinate", location)?;
                     check_count(count, 1, "a texture coordinate", number, context)?;
                     if w != 0.0_f32 {
                         context.notes.add("third texture coordinates were left out");
@@ -140,9 +140,9 @@ impl Parts {
         let next = self.list.len();
         let number = *numbers.entry(key).or_insert(next);
         if number == MOST_PARTS {
-            let (place, what) = (context.line(line), "meshes of a file");
+            let (location, what) = (context.line(line), "meshes of a file");
             let (most, found) = (MOST_PARTS as u64, next as u64 + 1);
-            return Err(SceneError::TooLarge { place, what, most, found });
+            return Err(SceneError::TooLarge { location, what, most, found });
         }
         if number == next {
             let name = name.to_owned();

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::str::{FromStr, Lines, SplitWhitespace};
 
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::notes::name;
 
 /// The statements of a text, each with the number of its first line, from 1 on.
@@ -49,7 +49,7 @@ impl<'t> Iterator for Statements<'t> {
 pub(super) fn numbers<T, const N: usize>(
     words: SplitWhitespace<'_>,
     what: &str,
-    place: impl Fn() -> Place,
+    location: impl Fn() -> Location,
 ) -> Result<([T; N], usize), SceneError>
 where
     T: FromStr + Default + Copy + Into<f64>,
@@ -63,12 +63,12 @@ where
             Ok(number) if (number.into() as f32).is_finite() => number,
             _ => {
                 let message = format!("{what} has finite numbers, and {:?} is none", name(word));
-                return Err(SceneError::content(place(), message));
+                return Err(SceneError::content(location(), message));
             }
         };
         let Some(number) = numbers.get_mut(count) else {
             let message = format!("{what} has at most {N} numbers, and there are more");
-            return Err(SceneError::content(place(), message));
+            return Err(SceneError::content(location(), message));
         };
         *number = value;
         count += 1;
@@ -78,10 +78,10 @@ where
 
 /// The text of a file. Old files have names in other encodings than UTF-8: those letters are lost, and
 /// the mesh is not.
-pub(super) fn text<'b>(bytes: &'b [u8], place: &Place) -> Result<Cow<'b, str>, SceneError> {
+pub(super) fn text<'b>(bytes: &'b [u8], location: &Location) -> Result<Cow<'b, str>, SceneError> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         let message = "text is UTF-8, and this is UTF-16";
-        return Err(SceneError::content(place.clone(), message));
+        return Err(SceneError::content(location.clone(), message));
     }
     Ok(String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)))
 }

@@ -120,7 +120,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     let submeshes = contents.submeshes(model.materials.len());
     let submeshes = submeshes.map_err(|message| context.error(message))?;
     let raw = contents.raw(submeshes, context.options.weld.unwrap_or(true));
-    let geometry = Welder::default().weld(raw, &context.place(), &mut context.notes)?;
+    let geometry = Welder::default().weld(raw, &context.location(), &mut context.notes)?;
     let offset = contents.near.offset;
     model.geometries.extend(geometry.map(|geometry| Geometry { offset, ..geometry }));
     let (name, transform) = (String::new(), DMat4::from_translation(offset));

@@ -3,7 +3,7 @@
 use std::str;
 
 use super::header::{Element, Encoding, Header, Number, Property};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::colors::Written;
 use crate::mesh::context::MeshContext;
 use crate::mesh::notes::{left_out, name};
@@ -138,15 +138,15 @@ impl<'b> Rows<'b> {
             let kind = || format!("{} {number}", name(&element.name));
             read.map_err(|message| format!("{} {message}", kind()))
                 .and_then(|()| take(&row, number))
-                .map_err(|message| SceneError::content(self.place(context), message))?;
+                .map_err(|message| SceneError::content(self.location(context), message))?;
         }
         Ok(())
     }
 
-    fn place(&self, context: &MeshContext<'_>) -> Place {
+    fn location(&self, context: &MeshContext<'_>) -> Location {
         match self.encoding {
             Encoding::Ascii => context.line(self.line),
-            _ => context.place(),
+            _ => context.location(),
         }
     }
 

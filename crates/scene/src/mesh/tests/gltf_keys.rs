@@ -5,14 +5,14 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
 
 use super::gltf::File;
-use crate::error::Place;
+use crate::error::Location;
 use crate::model::Model;
 use crate::picture::{Picture, Samples};
 
 fn png(byte: u8) -> Vec<u8> {
     let samples = Samples::U8(vec![byte; 3]);
     let picture = Picture { width: 1, height: 1, channels: 3, samples };
-    picture.encode_png(&Place::new("image")).unwrap()
+    picture.encode_png(&Location::new("image")).unwrap()
 }
 
 /// A file in which every part of the specification says something.

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::gltf::{Change, File};
 use super::{message, of_corners, only};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::picture::{Picture, Samples};
 
 /// A file with two images, and a material of this JSON.
@@ -14,7 +14,7 @@ fn with_material(material: Value) -> File {
     for byte in [7, 8] {
         let samples = Samples::U8(vec![byte; 3]);
         let picture = Picture { width: 1, height: 1, channels: 3, samples };
-        let png = picture.encode_png(&Place::new("image")).unwrap();
+        let png = picture.encode_png(&Location::new("image")).unwrap();
         let view = file.list("bufferViews").len();
         file.accessor(&png, 5121, "SCALAR", png.len());
         file.list("images").push(json!({"bufferView": view, "mimeType": "image/png"}));

@@ -5,7 +5,7 @@ use std::io::BufReader;
 use bokashi_render_ops::TextureBorder;
 
 use super::{at_corners, message, of_corners, only, read, read_with};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::MeshKind::Obj;
 use crate::mesh::colors::decoded;
 use crate::model::{Model, NO_ROW};
@@ -17,7 +17,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 fn png(samples: &[u8]) -> Vec<u8> {
     let width = samples.len() / 3;
     let picture = Picture { width, height: 1, channels: 3, samples: Samples::U8(samples.to_vec()) };
-    picture.encode_png(&Place::new("image")).unwrap()
+    picture.encode_png(&Location::new("image")).unwrap()
 }
 
 #[test]

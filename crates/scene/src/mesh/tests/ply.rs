@@ -1,7 +1,7 @@
 //! What is read of PLY files.
 
 use super::{message, of_corners, only, read, read_with};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::mesh::MeshKind::Ply;
 use crate::mesh::colors::decoded;
@@ -399,7 +399,7 @@ fn coordinates_are_at_vertices_or_at_corners_and_v_is_up() {
 #[test]
 fn the_image_of_the_header_is_the_base_colour() {
     let picture = Picture { width: 1, height: 1, channels: 1, samples: Samples::U8(vec![7]) };
-    let png = picture.encode_png(&Place::new("image")).unwrap();
+    let png = picture.encode_png(&Location::new("image")).unwrap();
     let text = square("comment TextureFile the image.png\n", "1", &format!("{SQUARE}3 0 1 2\n"));
     let folder = tempfile::tempdir().unwrap();
     let model = read_with(Ply, &text, &[("the image.png", &png)], folder.path()).unwrap();

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::{at_corners, of_corners};
-use crate::error::{Place, SceneError};
+use crate::error::{Location, SceneError};
 use crate::mesh::notes::Notes;
 use crate::mesh::weld::{Corners, Raw, Welder, same_keys};
 use crate::model::{Geometry, NO_ROW, Submesh};
@@ -24,7 +24,7 @@ fn bare<'a>(rows: &'a [[f32; 3]], faces: &[[u32; 3]]) -> Raw<'a> {
 
 fn welded(raw: Raw<'_>) -> (Result<Option<Geometry>, SceneError>, Vec<String>) {
     let mut notes = Notes::default();
-    let found = Welder::default().weld(raw, &Place::new("mesh"), &mut notes);
+    let found = Welder::default().weld(raw, &Location::new("mesh"), &mut notes);
     (found, notes.finish())
 }
 
@@ -150,7 +150,7 @@ fn a_welder_forgets_the_mesh_before() {
     let mut welder = Welder::default();
     for faces in [[[0, 1, 2]], [[3, 2, 1]], [[0, 3, 1]]] {
         let mut notes = Notes::default();
-        let found = welder.weld(bare(&rows, &faces), &Place::new("mesh"), &mut notes);
+        let found = welder.weld(bare(&rows, &faces), &Location::new("mesh"), &mut notes);
         let geometry = found.unwrap().unwrap();
         assert_eq!(at_corners(&geometry.positions, &geometry.faces), at_corners(&rows, &faces));
         assert_eq!(geometry.positions.len(), 3);

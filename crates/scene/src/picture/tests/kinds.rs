@@ -59,7 +59,7 @@ fn jpeg_file(inks: Inks, change: impl FnOnce(&mut Encoder<&mut Vec<u8>>)) -> Vec
 
 /// Channels, and the checksum of the samples, the high byte first.
 fn numbers(bytes: &[u8]) -> (usize, u32) {
-    let picture = Picture::decode(bytes, &place()).unwrap();
+    let picture = Picture::decode(bytes, &location()).unwrap();
     let bytes: Vec<u8> = match picture.samples {
         Samples::U8(samples) => samples,
         Samples::U16(samples) => samples.iter().flat_map(|sample| sample.to_be_bytes()).collect(),
@@ -176,7 +176,7 @@ fn an_interlaced_png_has_the_pixels_of_the_plain_one() {
         bytes.extend(crc32(&body).to_be_bytes());
     }
     let expected = Picture { width: 19, height: 5, channels: 1, samples: Samples::U8(pixels) };
-    assert_eq!(Picture::decode(&bytes, &place()).unwrap(), expected);
+    assert_eq!(Picture::decode(&bytes, &location()).unwrap(), expected);
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn pixels_are_packed_to_the_bytes_that_they_were() {
         let wide = narrow.iter().map(|&x| 256 * u16::from(x) + 3).collect();
         let found = [Samples::U8(narrow), Samples::U16(wide)].map(|samples| {
             let picture = Picture { width: 16, height: 4, channels, samples };
-            crc32(&picture.encode_png(&place()).unwrap())
+            crc32(&picture.encode_png(&location()).unwrap())
         });
         assert_eq!(found, expected, "{channels}");
     }

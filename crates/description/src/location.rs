@@ -1,4 +1,4 @@
-//! Places in files, for messages.
+//! Locations in files, for messages.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -23,9 +23,9 @@ pub fn shortened_path(path: &Path) -> String {
     shortened(&path.display().to_string()).into_owned()
 }
 
-/// A place in a file: the file, and where that is known a line and a column, both from 1 on.
+/// A location in a file: the file, and where that is known a line and a column, both from 1 on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// The file.
     pub path: PathBuf,
     /// The line.
@@ -34,7 +34,7 @@ pub struct Place {
     pub column: Option<usize>,
 }
 
-impl Place {
+impl Location {
     /// All of a file.
     pub fn new(path: impl AsRef<Path>) -> Self {
         Self { path: path.as_ref().to_owned(), line: None, column: None }
@@ -55,7 +55,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", shortened_path(&self.path))?;
         let numbers = [self.line, self.column].into_iter().map_while(|number| number);
@@ -79,10 +79,10 @@ mod tests {
 
     #[test]
     fn a_byte_has_a_line_and_a_column_of_characters() {
-        let shown = |byte| Place::from_byte("ab\näöc\n", Path::new("a.toml"), byte).to_string();
+        let shown = |byte| Location::from_byte("ab\näöc\n", Path::new("a.toml"), byte).to_string();
         assert_eq!([0, 1, 3].map(shown), ["a.toml:1:1", "a.toml:1:2", "a.toml:2:1"]);
         // Each of the two letters has two bytes.
         assert_eq!([7, 9, 99].map(shown), ["a.toml:2:3", "a.toml:3:1", "a.toml:3:1"]);
-        assert_eq!(Place::line("a.toml", 7).to_string(), "a.toml:7");
+        assert_eq!(Location::line("a.toml", 7).to_string(), "a.toml:7");
     }
 }
