@@ -63,8 +63,8 @@ pub fn check_inside(folder: &Path, path: impl AsRef<Path>) -> io::Result<()> {
     let path = path.as_ref();
     let is_name = |part| matches!(part, Component::Normal(_));
     if path.as_os_str().is_empty() || !path.components().all(is_name) {
-        let said = format!("a file in a folder has a plain name, and this is {path:?}");
-        return Err(io::Error::new(ErrorKind::InvalidInput, said));
+        let message = format!("a file in a folder has a plain name, and this is {path:?}");
+        return Err(io::Error::new(ErrorKind::InvalidInput, message));
     }
     let root = resolved(folder)?;
     let mut there = root.clone();
@@ -76,19 +76,19 @@ pub fn check_inside(folder: &Path, path: impl AsRef<Path>) -> io::Result<()> {
             && error.kind() == ErrorKind::InvalidFilename
         {
             let length = part.as_os_str().len();
-            let said = format!("a name of {length} bytes is too long for a file");
-            return Err(io::Error::new(ErrorKind::InvalidFilename, said));
+            let message = format!("a name of {length} bytes is too long for a file");
+            return Err(io::Error::new(ErrorKind::InvalidFilename, message));
         }
         if way.exists() && !way.is_dir() {
-            let said = format!("{} is not a folder", way.display());
-            return Err(io::Error::new(ErrorKind::NotADirectory, said));
+            let message = format!("{} is not a folder", way.display());
+            return Err(io::Error::new(ErrorKind::NotADirectory, message));
         }
         way.push(part);
         let end = resolved(&way)?;
         if !end.starts_with(&root) {
             let (way, folder, end) = (way.display(), folder.display(), end.display());
-            let said = format!("links in {folder} stay in it, and {way} leads to {end}");
-            return Err(io::Error::new(ErrorKind::PermissionDenied, said));
+            let message = format!("links in {folder} stay in it, and {way} leads to {end}");
+            return Err(io::Error::new(ErrorKind::PermissionDenied, message));
         }
     }
     Ok(())
