@@ -109,7 +109,7 @@ impl Description {
                 Some(span) => Location::from_byte(text, path, span.start),
                 None => Location::new(path),
             };
-            let message = shortened(&said(error.message())).into_owned();
+            let message = shortened(&reword_with_suggestion(error.message())).into_owned();
             DescriptionError::Content { location, message }
         })
     }
@@ -146,8 +146,8 @@ fn collect(value: &Value, key: String, all: &mut BTreeMap<String, String>) {
 /// What the parser says, and where it refuses a name, the nearest that it knows.
 ///
 /// It says "unknown field `a`, expected `b` or `c`", or "unknown variant".
-fn said(message: &str) -> String {
-    let message = words::said(message, Keyed::Table).replace("unknown field", "unknown key");
+fn reword_with_suggestion(message: &str) -> String {
+    let message = words::reword(message, Keyed::Table).replace("unknown field", "unknown key");
     let mut names = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown key") || message.starts_with("unknown variant");
     let nearest = names.next().filter(|_| is_unknown).and_then(|given| {

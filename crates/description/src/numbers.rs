@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// A number, and how a message says it: of a large whole number the nearest that has 53 bits is another one.
 struct Written {
     number: f64,
-    said: String,
+    text: String,
 }
 
 impl<'de> Deserialize<'de> for Written {
@@ -24,15 +24,15 @@ impl<'de> Deserialize<'de> for Written {
             }
 
             fn visit_i64<E>(self, number: i64) -> Result<Written, E> {
-                Ok(Written { number: number as f64, said: number.to_string() })
+                Ok(Written { number: number as f64, text: number.to_string() })
             }
 
             fn visit_u64<E>(self, number: u64) -> Result<Written, E> {
-                Ok(Written { number: number as f64, said: number.to_string() })
+                Ok(Written { number: number as f64, text: number.to_string() })
             }
 
             fn visit_f64<E>(self, number: f64) -> Result<Written, E> {
-                Ok(Written { number, said: number.to_string() })
+                Ok(Written { number, text: number.to_string() })
             }
         }
 
@@ -53,11 +53,11 @@ macro_rules! numbers {
         impl TryFrom<Written> for $name {
             type Error = String;
 
-            fn try_from(Written { number, said }: Written) -> Result<Self, String> {
+            fn try_from(Written { number, text }: Written) -> Result<Self, String> {
                 let is_kept: fn(f64) -> bool = $test;
                 match is_kept(number) {
                     true => Ok(Self(number as $kind)),
-                    false => Err(format!("{} is needed here, and this is {said}", $rule)),
+                    false => Err(format!("{} is needed here, and this is {text}", $rule)),
                 }
             }
         }

@@ -20,11 +20,11 @@ pub(crate) enum Keyed {
 /// What a parser of JSON says. The place, which its error has apart, is left out.
 pub fn json_message(error: &serde_json::Error) -> String {
     let text = error.to_string();
-    said(text.rsplit_once(" at line ").map_or(&text, |(said, _)| said), Keyed::Object)
+    reword(text.rsplit_once(" at line ").map_or(&text, |(message, _)| message), Keyed::Object)
 }
 
 /// What a parser's message says.
-pub(crate) fn said(message: &str, keyed: Keyed) -> String {
+pub(crate) fn reword(message: &str, keyed: Keyed) -> String {
     let rest_of = |rules: [&str; 2]| rules.iter().find_map(|rule| message.strip_prefix(rule));
     if let Some(key) = message.strip_prefix("missing field ") {
         return format!("the key {} is missing", short(key));
@@ -68,7 +68,7 @@ fn plain(name: &str, keyed: Keyed) -> String {
         Keyed::Object => "an object",
         Keyed::Table => "a table",
     };
-    let said = match (first, name) {
+    let plain_name = match (first, name) {
         ("struct" | "map", _) | (_, "a map") => table,
         (_, "sequence" | "a sequence") => "a list",
         (_, "f32" | "f64") => "a number",
@@ -84,7 +84,7 @@ fn plain(name: &str, keyed: Keyed) -> String {
             None => return short(name),
         },
     };
-    said.to_owned()
+    plain_name.to_owned()
 }
 
 /// What stands between the first two grave accents.
@@ -173,12 +173,12 @@ mod tests {
         ];
         for (text, expected) in rows {
             let error = toml::from_str::<Values>(text).unwrap_err();
-            assert_eq!(said(error.message(), Keyed::Table), expected, "{text}: {error}");
+            assert_eq!(reword(error.message(), Keyed::Table), expected, "{text}: {error}");
         }
         for deep in [format!("flag = {}", "[".repeat(1000)), format!("{}a = 1", "a.".repeat(1000))]
         {
             let error = toml::from_str::<Values>(&deep).unwrap_err();
-            let said = said(error.message(), Keyed::Table);
+            let said = reword(error.message(), Keyed::Table);
             assert_eq!(said, "a value lies in at most 80 others, and this in more");
         }
     }
