@@ -74,7 +74,7 @@ pub fn antialias<'t, T: Scalar>(
     let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
     let inputs = [*clip, *values, backdrop.values];
     let (outputs, rim) =
-        values.tape().record_with(op, &inputs, |saved: &Found<T>| saved.rim.clone())?;
+        values.tape().record_with(op, &inputs, |saved: &SavedBlends<T>| saved.rim.clone())?;
     Ok(Picture { values: outputs[0], rim, ..picture })
 }
 
@@ -87,7 +87,7 @@ struct Antialias {
 
 /// The blends, and memory.
 #[derive(Debug, Default)]
-struct Found<T: Scalar> {
+struct SavedBlends<T: Scalar> {
     blends: Vec<Blend<T::Wide>>,
     /// Per blend: the rows of its two pixels in the output.
     rows: Vec<[u32; 2]>,
@@ -147,7 +147,7 @@ const PIXELS_PER_PIECE: usize = 1 << 12;
 /// The row of an uncovered pixel, as long as not all of them are known.
 const MISSING: u32 = u32::MAX;
 
-impl<T: Scalar> Found<T> {
+impl<T: Scalar> SavedBlends<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
         let Self { blends, rows, outlines, pieces_of_outlines, searches, .. } = self;
@@ -254,7 +254,7 @@ impl<T: Scalar> Found<T> {
         self.placed_from(0, channels)
     }
 
-    /// [`Found::placed`], of the blends from `first` on.
+    /// [`SavedBlends::placed`], of the blends from `first` on.
     fn placed_from(
         &self,
         first: usize,
@@ -549,7 +549,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
 }
 
 impl<T: Scalar> Op<T> for Antialias {
-    type Saved = Found<T>;
+    type Saved = SavedBlends<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {

@@ -72,7 +72,7 @@ struct Factor<S> {
 }
 
 /// Where a point is.
-enum Place<S> {
+enum Region<S> {
     /// The normalized coordinates, up to the rim.
     Inside([S; 2]),
     /// The direction and the distance of (X, Y), beyond the rim.
@@ -154,48 +154,48 @@ impl<S: Scalar> Distortion<S> {
         [p1 * by_p1[0] + p2 * by_p2[0], p1 * by_p1[1] + p2 * by_p2[1]]
     }
 
-    fn locate(&self, [x, y, z]: [S; 3]) -> Place<S> {
+    fn locate(&self, [x, y, z]: [S; 3]) -> Region<S> {
         if z > S::ZERO {
             let projected = [x / z, y / z];
             if projected[0] * projected[0] + projected[1] * projected[1] <= self.rim * self.rim {
-                return Place::Inside(projected);
+                return Region::Inside(projected);
             }
         }
         // Divided by the larger first, so that no square leaves the range of the numbers.
         let largest = x.abs().maximum_or_nan(y.abs());
         if largest == S::ZERO {
-            return Place::Behind;
+            return Region::Behind;
         }
         let [a, b] = [x / largest, y / largest];
         let length = (a * a + b * b).sqrt();
-        Place::Outside([a / length, b / length], largest * length)
+        Region::Outside([a / length, b / length], largest * length)
     }
 
     /// The distorted point's X and Y; its Z is the point's.
     pub(super) fn shown(&self, point: [S; 3]) -> [S; 2] {
         let [x, y, z] = point;
         match self.locate(point) {
-            Place::Inside(projected) => {
+            Region::Inside(projected) => {
                 let Factor { f, .. } =
                     self.factor(projected[0] * projected[0] + projected[1] * projected[1]);
                 let [tx, ty] = self.tangential(projected);
                 [x * f + z * tx, y * f + z * ty]
             }
-            Place::Outside(n, rho) => {
+            Region::Outside(n, rho) => {
                 let Factor { f, .. } = self.factor(self.rim * self.rim);
                 let [tx, ty] = self.tangential(n).map(|t| self.rim * rho * t);
                 [x * f + tx, y * f + ty]
             }
-            Place::Behind => [S::ZERO; 2],
+            Region::Behind => [S::ZERO; 2],
         }
     }
 
     /// Of X and Y by the point, and by all eight coefficients.
     pub(super) fn shown_slopes(&self, point: [S; 3]) -> ([[S; 3]; 2], [[S; 8]; 2]) {
         match self.locate(point) {
-            Place::Inside(projected) => self.slopes_inside(point, projected),
-            Place::Outside(n, rho) => self.slopes_outside(n, rho),
-            Place::Behind => {
+            Region::Inside(projected) => self.slopes_inside(point, projected),
+            Region::Outside(n, rho) => self.slopes_outside(n, rho),
+            Region::Behind => {
                 let Factor { f, .. } = self.factor(self.rim * self.rim);
                 ([[f, S::ZERO, S::ZERO], [S::ZERO, f, S::ZERO]], [[S::ZERO; 8]; 2])
             }

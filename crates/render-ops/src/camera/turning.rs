@@ -114,7 +114,7 @@ mod tests {
         let at = |c: f64| Turn::new(&[2.0, 0.0, -c], 10.0).unwrap();
         let slope = -(2.0_f64).sqrt() / 2.0 * 0.5_f64.powf(1.5);
         let found = at(2.0);
-        assert!((found.at - 1.0).abs() < 1e-15);
+        assert!((found.root - 1.0).abs() < 1e-15);
         // The polynomial's slope by c is -s^2.
         assert!((-found.scale.unwrap() - slope).abs() < 1e-15);
     }

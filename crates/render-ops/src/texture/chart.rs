@@ -490,7 +490,10 @@ mod tests {
         for face in 0..6 {
             for [s, t] in [[0.0, 0.0], [0.75, -0.5], [-0.25, 0.875], [-0.5, -0.125]] {
                 let found = Cube.locate(direction(face, [s, t]).map(|x| 2.5 * x));
-                assert_eq!((found.face, found.at), (face, [s, t].map(|ratio| 0.5 * ratio + 0.5)));
+                assert_eq!(
+                    (found.face, found.position),
+                    (face, [s, t].map(|ratio| 0.5 * ratio + 0.5))
+                );
             }
         }
     }
