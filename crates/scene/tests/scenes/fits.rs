@@ -154,7 +154,7 @@ fn a_cameras_pose_is_learnt_from_one_image() {
     let folder = tempfile::tempdir().unwrap();
     let ball = Ball::motley(DVec3::ZERO, 1.0);
     let text = views(folder.path(), std::slice::from_ref(&ball), 1, 2, 128)
-        + "[[meshes]]\nshape = \"sphere\"\nfaces = 20000\n[learn.cameras]\n[stop]\nsteps = 300\n";
+        + "[[meshes]]\nshape = \"sphere\"\nfaces = 5000\n[learn.cameras]\n[stop]\nsteps = 300\n";
     let mut scene = load(folder.path(), &text);
     paint(&mut scene, &[ball]);
     let truth = scene.views[0].camera.view;
@@ -221,17 +221,17 @@ fn cameras_of_a_colmap_model_are_learnt_from_a_degree_off() {
 colmap = "sparse/0"
 [[meshes]]
 shape = "sphere"
-faces = 6000
+faces = 1500
 place = { translation = [-0.5, 0.1, 0], scale = 0.5 }
 name = "large"
 [[meshes]]
 shape = "sphere"
-faces = 6000
+faces = 1500
 place = { translation = [0.55, -0.15, 0.1], scale = 0.45 }
 name = "middle"
 [[meshes]]
 shape = "sphere"
-faces = 3000
+faces = 800
 place = { translation = [0.1, 0.5, 0.6], scale = 0.3 }
 name = "small"
 [learn.cameras]
