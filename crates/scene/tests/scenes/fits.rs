@@ -221,17 +221,17 @@ fn cameras_of_a_colmap_model_are_learnt_from_a_degree_off() {
 colmap = "sparse/0"
 [[meshes]]
 shape = "sphere"
-faces = 1500
+faces = 6000
 place = { translation = [-0.5, 0.1, 0], scale = 0.5 }
 name = "large"
 [[meshes]]
 shape = "sphere"
-faces = 1500
+faces = 6000
 place = { translation = [0.55, -0.15, 0.1], scale = 0.45 }
 name = "middle"
 [[meshes]]
 shape = "sphere"
-faces = 800
+faces = 3000
 place = { translation = [0.1, 0.5, 0.6], scale = 0.3 }
 name = "small"
 [learn.cameras]
