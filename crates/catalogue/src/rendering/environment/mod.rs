@@ -13,11 +13,15 @@ use crate::entry::Entry;
 use crate::inputs::{leaves, wide};
 use crate::materials::{MODELS, Model, ROWS, facing};
 
+/// Texels along a side of the sharpest level.
+const EXTENT: usize = 4;
+
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("environment").with_extremes(extremes::EXTREMES);
-    let prefilter = Prefilter::new(8, 3).unwrap();
+    let prefilter = Prefilter::new(EXTENT, 3).unwrap();
     for (name, model) in [MODELS[0], MODELS[1], MODELS[2]] {
-        let cases = (tensor([6, 8, 8, 3], number()), facing(ROWS), model.inputs(Some(ROWS)));
+        let cases =
+            (tensor([6, EXTENT, EXTENT, 3], number()), facing(ROWS), model.inputs(Some(ROWS)));
         let prefilter = prefilter.clone();
         let cases = cases.prop_map(move |(texels, both, material)| {
             let inputs = leaves([texels].into_iter().chain(both).chain(material));
@@ -50,7 +54,9 @@ impl Subject for InEnvironment {
             let largest = r.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
             let axis = r.iter().position(|x| x.abs() == largest);
             let at = |level: usize| {
-                r.map(|x| (f64::from(8 >> level) * (0.5 * x / largest + 0.5) - 0.5).floor() as i64)
+                r.map(|x| {
+                    ((EXTENT >> level) as f64 * (0.5 * x / largest + 0.5) - 0.5).floor() as i64
+                })
             };
             (axis, [0, 1, 2].map(at), n.dot(v) > 0.0)
         };
