@@ -32,17 +32,17 @@ pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError>
     encoder.set_blend_op(BlendOp::Source).map_err(broken)?;
     encoder.set_frame_delay(1, rate).map_err(broken)?;
     let mut writer = encoder.write_header().map_err(broken)?;
-    for (at, frame) in frames.iter().enumerate() {
-        let [x, y, w, h] = match at {
+    for (index, frame) in frames.iter().enumerate() {
+        let [x, y, w, h] = match index {
             0 => [0, 0, width, height],
-            _ => changed(&frames[at - 1], frame),
+            _ => changed(&frames[index - 1], frame),
         };
-        if at > 0 {
+        if index > 0 {
             writer.reset_frame_position().map_err(broken)?;
             writer.set_frame_dimension(w, h).map_err(broken)?;
             writer.set_frame_position(x, y).map_err(broken)?;
         }
-        let delay = if at + 1 == frames.len() { REST } else { 1 };
+        let delay = if index + 1 == frames.len() { REST } else { 1 };
         writer.set_frame_delay(delay, rate).map_err(broken)?;
         writer.write_image_data(frame.crop([x, y, w, h]).bytes()).map_err(broken)?;
     }

@@ -86,37 +86,37 @@ impl Axis {
         let step = steps.into_iter().find(|step| span / step <= 6.0).unwrap_or(10.0 * power);
         let (first, last) = ((low / step).floor(), (high / step).ceil().max((low / step) + 1.0));
         let count = (last - first).clamp(1.0, 20.0) as usize;
-        let ticks: Vec<f64> = (0..=count).map(|at| (first + at as f64) * step).collect();
+        let ticks: Vec<f64> = (0..=count).map(|index| (first + index as f64) * step).collect();
         Self { scale: Scale::Linear, ends: ticks[0]..ticks[count], ticks, clamped: false }
     }
 
     /// Where a finite value is drawn.
-    fn place(&self, value: f64) -> f64 {
-        let place = match self.scale {
+    fn position_of(&self, value: f64) -> f64 {
+        let position = match self.scale {
             Scale::Linear => value,
             _ if value >= self.scale.floor() => value.log10(),
             _ => self.ends.start,
         };
-        place.clamp(self.ends.start, self.ends.end)
+        position.clamp(self.ends.start, self.ends.end)
     }
 
     /// The value drawn at `place`.
-    pub(crate) fn value(&self, place: f64) -> f64 {
-        if self.scale == Scale::Linear { place } else { 10f64.powf(place) }
+    pub(crate) fn value(&self, position: f64) -> f64 {
+        if self.scale == Scale::Linear { position } else { 10f64.powf(position) }
     }
 
     /// The label of the tick drawn at `at`.
-    fn label(&self, at: f64) -> String {
-        let decade = at.round() as i32;
+    fn label(&self, position: f64) -> String {
+        let decade = position.round() as i32;
         match self.scale {
-            Scale::Linear => short(at),
+            Scale::Linear => short(position),
             Scale::Counts => grouped(10f64.powi(decade)),
             Scale::Seconds if decade < -6 => format!("{} ns", short(10f64.powi(decade + 9))),
             Scale::Seconds if decade < -3 => format!("{} µs", short(10f64.powi(decade + 6))),
             Scale::Seconds if decade < 0 => format!("{} ms", short(10f64.powi(decade + 3))),
             Scale::Seconds => format!("{} s", grouped(10f64.powi(decade))),
             Scale::Logarithmic | Scale::Squares => {
-                let under = self.clamped && (at - self.ends.start).abs() < 0.5;
+                let under = self.clamped && (position - self.ends.start).abs() < 0.5;
                 format!("{}{}", if under { "≤" } else { "" }, power_of_ten(decade))
             }
         }
@@ -128,7 +128,7 @@ impl Ranged for Axis {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
-        let part = (self.place(*value) - self.ends.start) / (self.ends.end - self.ends.start);
+        let part = (self.position_of(*value) - self.ends.start) / (self.ends.end - self.ends.start);
         from + (part * f64::from(to - from)).round() as i32
     }
 
@@ -144,7 +144,7 @@ impl Ranged for Axis {
 
 impl ValueFormatter<f64> for Axis {
     fn format_ext(&self, value: &f64) -> String {
-        self.label(self.place(*value))
+        self.label(self.position_of(*value))
     }
 }
 
@@ -173,8 +173,8 @@ fn short(value: f64) -> String {
 pub fn grouped(value: f64) -> String {
     let digits = format!("{value:.0}");
     let mut text = String::new();
-    for (at, digit) in digits.chars().enumerate() {
-        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);

@@ -89,8 +89,8 @@ impl Curve {
     /// points `[x, y]`, as many as the others.
     pub fn medians(color: usize, lines: &[&[[f64; 2]]]) -> Self {
         let count = lines.iter().map(|line| line.len()).min().unwrap_or(0);
-        let point = |at: usize| {
-            let column = |entry: usize| quartiles(lines.iter().map(|line| line[at][entry]));
+        let point = |index: usize| {
+            let column = |entry: usize| quartiles(lines.iter().map(|line| line[index][entry]));
             let ([_, x, _], [low, middle, high]) = (column(0), column(1));
             [x, low, middle, high]
         };
@@ -175,7 +175,7 @@ impl Figure {
         x: &Axis,
         y: &Axis,
     ) -> Result<(), Box<dyn std::error::Error>> {
-        let color = |at: usize| hex(PALETTE[at % PALETTE.len()]);
+        let color = |index: usize| hex(PALETTE[index % PALETTE.len()]);
         let ink = hex(INK[0]);
         let font = ("sans-serif", TEXT).into_font().color(&ink);
         let mut chart = ChartBuilder::on(root)
@@ -195,9 +195,9 @@ impl Figure {
             .bold_line_style(hex(GRID[0]).stroke_width(2))
             .axis_style(hex(GRID[0]).stroke_width(2))
             .draw()?;
-        for &(at, value) in self.marks.iter().filter(|mark| mark.1.is_finite()) {
+        for &(index, value) in self.marks.iter().filter(|mark| mark.1.is_finite()) {
             let ends = vec![(x.value(x.ends.start), value), (x.value(x.ends.end), value)];
-            let style = ShapeStyle { stroke_width: 2, ..color(at).mix(0.7).into() };
+            let style = ShapeStyle { stroke_width: 2, ..color(index).mix(0.7).into() };
             chart.draw_series([PathElement::new(ends, style)])?;
         }
         for curve in &self.curves {
@@ -229,7 +229,7 @@ impl Figure {
 
     /// Makes the backend's file an element of a page: fluid, named, with its dashes.
     fn finish(&self, text: &str, (width, height): (u32, u32)) -> String {
-        let body = text.find('>').map_or("", |at| &text[at + 1..]);
+        let body = text.find('>').map_or("", |start| &text[start + 1..]);
         let spoken = escaped(&format!("{}, against {}", self.title, self.x_title));
         let head =
             format!("<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{spoken}\">");
@@ -239,7 +239,7 @@ impl Figure {
 
 /// Exchanges the widths that stand for kinds of line for widths and dashes.
 fn dashed(svg: &str) -> String {
-    let width = |at: usize| format!("stroke-width=\"{}\"", WIDTHS[at]);
+    let width = |index: usize| format!("stroke-width=\"{}\"", WIDTHS[index]);
     let joined = "stroke-width=\"4\" stroke-linejoin=\"round\" stroke-linecap=\"round\"";
     svg.replace(&width(0), joined)
         .replace(&width(1), &format!("{joined} stroke-dasharray=\"18 12\""))
@@ -249,7 +249,7 @@ fn dashed(svg: &str) -> String {
 
 /// A colour of the palette; these are all written `#rrggbb`.
 fn hex(text: &str) -> RGBColor {
-    let part = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).unwrap_or(0);
+    let part = |start: usize| u8::from_str_radix(&text[start..start + 2], 16).unwrap_or(0);
     RGBColor(part(1), part(3), part(5))
 }
 

@@ -29,8 +29,8 @@ pub fn picture_of(image: &Tensor<f64>) -> Result<RgbImage, ReportError> {
     }
     let entries = image.data();
     Ok(RgbImage::from_fn(width as u32, height as u32, |column, row| {
-        let at = 3 * (row as usize * width + column as usize);
-        let pixel = [entries[at], entries[at + 1], entries[at + 2]];
+        let start = 3 * (row as usize * width + column as usize);
+        let pixel = [entries[start], entries[start + 1], entries[start + 2]];
         if pixel.iter().any(|value| value.is_nan()) {
             return BROKEN;
         }

@@ -31,9 +31,9 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
 /// The value under which a part of sorted numbers lies, linear between neighbours.
 fn quantile(sorted: &[f64], part: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
-    let place = part * last as f64;
-    let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-    if below == above { below } else { below + (above - below) * place.fract() }
+    let position = part * last as f64;
+    let (below, above) = (sorted[position.floor() as usize], sorted[position.ceil() as usize]);
+    if below == above { below } else { below + (above - below) * position.fract() }
 }
 
 #[cfg(test)]

@@ -190,14 +190,14 @@ impl Table {
         };
         let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
         let mut text = String::new();
-        for (at, line) in lines.iter().enumerate() {
+        for (index, line) in lines.iter().enumerate() {
             for (column, &width) in widths.iter().enumerate() {
                 let cell = line.get(column).map_or("", String::as_str);
                 // Writing to a string cannot fail.
                 let _ = write!(text, "| {cell:width$} ");
             }
             text.push_str("|\n");
-            if at == 0 {
+            if index == 0 {
                 widths.iter().for_each(|&width| {
                     let _ = write!(text, "|{}", "-".repeat(width + 2));
                 });
@@ -230,10 +230,10 @@ impl Table {
                 let _ = write!(html, "<tr class=\"part\"><th colspan={columns}>{heading}");
             }
             html.push_str("<tr>");
-            for (at, cell) in row.iter().enumerate() {
-                let is_last = at + 1 == row.len();
-                let columns = if is_last { self.columns.len() - at } else { 1 };
-                html.push_str(&cell.html(at == 0, columns));
+            for (index, cell) in row.iter().enumerate() {
+                let is_last = index + 1 == row.len();
+                let columns = if is_last { self.columns.len() - index } else { 1 };
+                html.push_str(&cell.html(index == 0, columns));
             }
         }
         html.push_str("</table></div>");
@@ -257,8 +257,8 @@ impl Table {
             if !heading.is_empty() {
                 let _ = write!(first, "<th colspan={count}>{}", escaped(heading));
             }
-            for (at, (title, _)) in columns.by_ref().take(count) {
-                let is_of_words = |row: &Vec<Cell>| matches!(row.get(at), Some(Cell::Text(_)));
+            for (index, (title, _)) in columns.by_ref().take(count) {
+                let is_of_words = |row: &Vec<Cell>| matches!(row.get(index), Some(Cell::Text(_)));
                 let has_words = self.rows.iter().any(is_of_words);
                 let class = if has_words { " class=\"words\"" } else { "" };
                 let title = escaped(title);

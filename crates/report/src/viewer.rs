@@ -24,7 +24,7 @@ const FIGURE: &str = "<figure class=\"viewer\">";
 /// A mesh to be shown.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewerMesh<'a> {
-    /// Positions in its own coordinates, which are right-handed; y is up where `place` keeps it so.
+    /// Positions in its own coordinates, which are right-handed; y is up where `transform` keeps it so.
     pub positions: &'a [[f32; 3]],
     /// Vertices of each face.
     pub faces: &'a [[u32; 3]],
@@ -33,7 +33,7 @@ pub struct ViewerMesh<'a> {
     /// Shown in the place of the colours.
     pub texture: Option<ViewerTexture<'a>>,
     /// From its own coordinates to those of the scene: a matrix, column by column.
-    pub place: [f32; 16],
+    pub transform: [f32; 16],
 }
 
 /// A texture with its coordinates.
@@ -73,16 +73,17 @@ pub(crate) fn holds_viewer(html: &str) -> bool {
 /// another number of faces; where a face names a vertex or a coordinate that is not there.
 pub fn viewer_data(meshes: &[ViewerMesh<'_>]) -> Result<String, ReportError> {
     let mut json = String::from("{\"meshes\":[");
-    for (at, mesh) in meshes.iter().enumerate() {
-        check(mesh).map_err(|said| ReportError::Mesh(format!("mesh {at} of a view: {said}")))?;
-        if at > 0 {
+    for (index, mesh) in meshes.iter().enumerate() {
+        check(mesh)
+            .map_err(|message| ReportError::Mesh(format!("mesh {index} of a view: {message}")))?;
+        if index > 0 {
             json.push(',');
         }
         // Writing to a string cannot fail.
         let _ = write!(
             json,
             "{{\"place\":\"{}\",\"positions\":\"{}\",\"faces\":\"{}\"",
-            floats(&mesh.place),
+            floats(&mesh.transform),
             floats(mesh.positions.as_flattened()),
             indices(mesh.faces),
         );
@@ -159,7 +160,7 @@ mod tests {
 
     fn mesh() -> ViewerMesh<'static> {
         let (positions, faces) = (&POSITIONS, &FACES);
-        ViewerMesh { positions, faces, colors: None, texture: None, place: UNIT }
+        ViewerMesh { positions, faces, colors: None, texture: None, transform: UNIT }
     }
 
     fn texture() -> ViewerTexture<'static> {

@@ -156,7 +156,7 @@ fn with_meshes<R>(
                 faces: &coordinates.faces,
                 png,
             }),
-            place: mesh.transform,
+            transform: mesh.transform,
         }
     });
     with(&meshes.collect::<Vec<_>>())
