@@ -154,10 +154,10 @@ fn loss_of_view<'t>(
         LossKind::Huber => Penalty::Huber { delta: HUBER },
     };
     let colors = |all: Var<'t, f32>| all.slice(2, 0..3);
-    let (drawn, expected) = (colors(image)?, colors(target)?);
-    let mut loss = mean_error(drawn, expected, penalty)?;
+    let (actual, expected) = (colors(image)?, colors(target)?);
+    let mut loss = mean_error(actual, expected, penalty)?;
     if let Some(share) = description.ssim.filter(|share| share.0 > 0.0) {
-        let structure = ssim_error(drawn, expected, 1.0)?;
+        let structure = ssim_error(actual, expected, 1.0)?;
         loss = (loss * (1.0 - share.0) as f32).try_add(structure * share.0 as f32)?;
     }
     if image.shape()[2] == 4 {
