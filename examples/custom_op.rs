@@ -69,13 +69,13 @@ fn main() -> Result<(), TensorError> {
 
     let step = f64::EPSILON.cbrt();
     for (k, name) in ["slope", "intercept"].into_iter().enumerate() {
-        let beside = |offset: f64| {
+        let value_near = |offset: f64| {
             let mut moved = line.clone();
             moved.data_mut()[k] += offset;
             let tape = Tape::new();
             loss(&tape, tape.leaf(&moved), [&x, &y]).map(|value| value.item())
         };
-        let quotient = (beside(step)? - beside(-step)?) / (2.0 * step);
+        let quotient = (value_near(step)? - value_near(-step)?) / (2.0 * step);
         println!("{name}: gradient {:.6}, central difference {quotient:.6}", gradient.data()[k]);
         assert!((gradient.data()[k] - quotient).abs() < 1e-6);
     }

@@ -46,8 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("antialias", Silhouettes::Antialias),
         ("exact coverage", Silhouettes::Exact),
     ] {
-        let [found, derivative] = brightness(radius, silhouettes)?;
-        println!("{name:15} {found:10.5} {derivative:12.5}");
+        let [value, derivative] = brightness(radius, silhouettes)?;
+        println!("{name:15} {value:10.5} {derivative:12.5}");
     }
     Ok(())
 }

@@ -39,9 +39,9 @@ impl Scene {
     }
 
     fn picture<'t>(&self, variables: &Variables<'t, f32>) -> Result<Picture<'t, f32>, FitError> {
-        let (colors, place) = (variables.get("colors")?, variables.get("place")?);
+        let (colors, position) = (variables.get("colors")?, variables.get("place")?);
         let cloth = colors.tape().constant(&Tensor::from(CLOTH));
-        let vertices = colors.tape().constant(&self.positions) + place;
+        let vertices = colors.tape().constant(&self.positions) + position;
         let clip = project(vertices, &self.camera, None)?;
         let size = Size { width: self.photo.shape()[1], height: self.photo.shape()[0] };
         let exact = RasterOptions::new(size).silhouettes(Silhouettes::Exact);
@@ -59,10 +59,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let skin = [0.34, 0.17, 0.12];
     let colors = Tensor::from_fn([vertices, 3], |[_, channel]| skin[channel]);
     // The mean of the vertices at the origin.
-    let place = Tensor::from([0.060, -0.343, 0.120]);
+    let position = Tensor::from([0.060, -0.343, 0.120]);
     let parameters = Parameters::new()
         .with(Parameter::new("colors", colors).mapping(Mapping::Sigmoid).rate(0.05))?
-        .with(Parameter::new("place", place).rate(0.002))?;
+        .with(Parameter::new("place", position).rate(0.002))?;
     let mut fit = Fit::new(parameters, FitSettings { steps, ..FitSettings::default() })?;
     let photo = PixelLoss::squared(&scene.photo, &Tensor::from(CLOTH))?;
     let history = fit.run(&mut from_fn(|_: &Tape<f32>, variables| {

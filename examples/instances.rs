@@ -32,7 +32,7 @@ impl Scene {
         let assembly = Assembly::new(&[(&floor, 1), (&cube, 3)])?;
         let bit = |vertex: usize, axis: usize| (vertex >> (2 - axis) & 1) as f64;
         let color = |[row, axis]: [usize; 2]| if row < 4 { 0.3 } else { bit(row - 4, axis) };
-        let at = |x: f64, z: f64| to_tensor(&DMat4::from_translation(DVec3::new(x, 0.0, z)));
+        let moved_to = |x: f64, z: f64| to_tensor(&DMat4::from_translation(DVec3::new(x, 0.0, z)));
         let eye = DVec3::new(1.5, 2.0, 6.0);
         Ok(Self {
             indices: assembly.attributes(&[&floor, &cube])?,
@@ -42,7 +42,7 @@ impl Scene {
             }),
             cube: Tensor::from_fn([8, 3], |[vertex, axis]| bit(vertex, axis) - 0.5),
             colors: Tensor::from_fn([12, 3], color),
-            known: [at(-1.6, 0.3), at(0.5, 1.0)],
+            known: [moved_to(-1.6, 0.3), moved_to(0.5, 1.0)],
             camera: perspective(0.7, 1.0, 1.0, 50.0) * look_at(eye, DVec3::ZERO, DVec3::Y),
         })
     }
@@ -68,14 +68,15 @@ impl Scene {
 fn main() -> Result<(), FitError> {
     let scene = Scene::new()?;
     let turn = DQuat::from_rotation_y(0.6);
-    let place = DVec3::new(0.9, 0.1, -0.9);
+    let position = DVec3::new(0.9, 0.1, -0.9);
     let quaternion = |q: DQuat| Tensor::from(q.to_array());
     let tape = Tape::new();
-    let truth = [quaternion(turn), Tensor::from(place.to_array())].map(|of| tape.constant(&of));
+    let truth =
+        [quaternion(turn), Tensor::from(position.to_array())].map(|tensor| tape.constant(&tensor));
     let photo = scene.picture(truth[0], truth[1])?.image()?.value();
     let photo = PixelLoss::squared(&photo, &Tensor::zeros([3]))?;
 
-    let start = Tensor::from((place + DVec3::new(0.25, -0.1, 0.2)).to_array());
+    let start = Tensor::from((position + DVec3::new(0.25, -0.1, 0.2)).to_array());
     let parameters = Parameters::new()
         .with(Parameter::new("rotation", quaternion(DQuat::from_rotation_y(0.3))).rate(0.02))?
         .with(Parameter::new("translation", start).rate(0.01))?;
@@ -86,10 +87,11 @@ fn main() -> Result<(), FitError> {
         let picture = scene.picture(variables.get("rotation")?, variables.get("translation")?)?;
         Ok(picture.loss(&photo)?)
     }))?;
-    let [q, at] = [fit.parameters().value("rotation")?, fit.parameters().value("translation")?];
+    let [q, translation] =
+        [fit.parameters().value("rotation")?, fit.parameters().value("translation")?];
     let q = DQuat::from_slice(q.data()).normalize();
     println!("loss         {:.1e} -> {:.1e}", history.initial().loss, history.last().loss);
     println!("rotation     {:.1e} rad off", q.angle_between(turn));
-    println!("translation  {:.1e} off", DVec3::from_slice(at.data()).distance(place));
+    println!("translation  {:.1e} off", DVec3::from_slice(translation.data()).distance(position));
     Ok(())
 }

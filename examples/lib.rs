@@ -31,7 +31,7 @@ pub mod silhouette;
 pub mod triangle;
 
 pub use bokashi::prelude::Silhouettes;
-pub use stage::{Asked, Curve, Found, Goal};
+pub use stage::{Curve, Goal, Outcome, Request};
 
 use bokashi::prelude::FitError;
 
@@ -45,7 +45,7 @@ pub struct Sample {
     /// How silhouettes look where nobody asks for a look.
     pub silhouettes: Silhouettes,
     /// Runs it.
-    pub run: fn(&Asked) -> Result<Vec<Found>, FitError>,
+    pub run: fn(&Request) -> Result<Vec<Outcome>, FitError>,
 }
 
 /// Names the sample that a file's `run` is: its `SAMPLE`.

@@ -6,7 +6,7 @@
 use bokashi::glam::DMat4;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cluster, learn, motley, root_mean_square};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("camera", "calibrates twelve cameras by pictures of a known object");
 
@@ -29,9 +29,9 @@ impl Scene {
     fn clip<'t>(&self, cameras: &Cameras<'_, 't>, k: usize) -> Result<Var<'t, f32>, FitError> {
         let Cameras(starts, [increments, intrinsics, distortion]) = *cameras;
         let view = se3(increments.slice(0, k..k + 1)?.reshape([6])?, &starts[k])?;
-        let seen = transform_points(view.tape().constant(&self.balls.vertices), view)?;
+        let points = transform_points(view.tape().constant(&self.balls.vertices), view)?;
         let camera = pinhole(intrinsics, Size::square(SIDE), 0.1, 100.0)?;
-        Ok(project(distort(seen, distortion)?, camera, None)?)
+        Ok(project(distort(points, distortion)?, camera, None)?)
     }
 
     fn image<'t>(&self, cameras: &Cameras<'_, 't>, k: usize) -> Result<Var<'t, f32>, FitError> {
@@ -54,11 +54,11 @@ impl Scene {
     }
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let mut random = Random::new(asked.seed, 0);
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    let mut random = Random::new(request.seed, 0);
     let balls = cluster(40, &mut random)?;
     let colors = motley(&balls.vertices, &mut random);
-    let scene = Scene { balls, colors, silhouettes: asked.silhouettes };
+    let scene = Scene { balls, colors, silhouettes: request.silhouettes };
     let truth: Vec<_> = (0..CAMERAS).map(|_| random.view(2.6, 0.1)).collect();
     let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.02) * *view).collect();
     let tape = Tape::new();
@@ -74,26 +74,26 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
         .with(Parameter::new("increments", Tensor::zeros([CAMERAS, 6])).rate(3e-3))?
         .with(Parameter::new("intrinsics", noisy).rate(1.0))?
         .with(Parameter::new("distortion", Tensor::zeros([5])).rate(5e-3))?;
-    let steps = asked.steps(1000);
+    let steps = request.steps(1000);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let settings = FitSettings { steps, schedule, ..FitSettings::default() };
     let mut pipeline = views(CAMERAS, |view, tape: &Tape<f32>, variables| {
-        let found = Cameras(&starts, [variables[0], variables[1], variables[2]]);
+        let learnt = Cameras(&starts, [variables[0], variables[1], variables[2]]);
         // 6 pixels at first, and none in the last three quarters.
         let sigma = 6.0 * (1.0 - 4.0 * view.step as f64 / steps as f64).max(0.0);
         let sigma = tape.constant_scalar(sigma as f32);
         let blur = |image| gaussian_blur(image, sigma, &Blur::default());
         let target = blur(tape.constant(&targets[view.index]))?;
-        Ok(mean_squared_error(blur(scene.image(&found, view.index)?)?, target)?)
+        Ok(mean_squared_error(blur(scene.image(&learnt, view.index)?)?, target)?)
     });
-    let error = |found: &Parameters<f32>| {
+    let error = |learnt: &Parameters<f32>| {
         let tape = Tape::new();
-        let list = found.record(&tape);
-        let found = scene.pixels(&Cameras(&starts, [list[0], list[1], list[2]]))?;
+        let list = learnt.record(&tape);
+        let pixels = scene.pixels(&Cameras(&starts, [list[0], list[1], list[2]]))?;
         // Of a distance, not of one of its two parts.
-        Ok([2_f64.sqrt() * root_mean_square(&found, &places)])
+        Ok([2_f64.sqrt() * root_mean_square(&pixels, &places)])
     };
     let (_, [curve]) = learn(parameters, settings, &mut pipeline, 20, error)?;
-    let found = Found::last("reprojection error, in pixels", Goal::Below(0.05), steps, curve);
-    Ok(vec![found.picture("first camera", &targets[0]).picture("second camera", &targets[1])])
+    let outcome = Outcome::last("reprojection error, in pixels", Goal::Below(0.05), steps, curve);
+    Ok(vec![outcome.picture("first camera", &targets[0]).picture("second camera", &targets[1])])
 }

@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube, learn, vertex_distance};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("cube", "learns a cube's vertices and colours from tiny pictures", Exact);
 
@@ -37,11 +37,11 @@ impl Scene {
 /// half-width 0.4 of the near plane.
 fn camera(random: &mut Random) -> DMat4 {
     let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 50.0);
-    let place = random.vector(0.25) - DVec3::new(0.0, 0.0, 3.5);
-    projection * DMat4::from_rotation_translation(random.rotation(), place)
+    let position = random.vector(0.25) - DVec3::new(0.0, 0.0, 3.5);
+    projection * DMat4::from_rotation_translation(random.rotation(), position)
 }
 
-fn found(asked: &Asked, side: usize, color_count: usize) -> Result<Found, FitError> {
+fn run_case(request: &Request, side: usize, color_count: usize) -> Result<Outcome, FitError> {
     let cube = cube()?;
     let faces = cube.mesh.faces().to_vec();
     // Colours at vertices, or four of their own for each side.
@@ -49,8 +49,8 @@ fn found(asked: &Asked, side: usize, color_count: usize) -> Result<Found, FitErr
         (0..6).flat_map(|k| [[4 * k, 4 * k + 1, 4 * k + 2], [4 * k, 4 * k + 2, 4 * k + 3]]);
     let colored = if color_count == 8 { faces.clone() } else { of_sides.collect() };
     let colored = Mesh::new(colored, color_count)?;
-    let silhouettes = asked.silhouettes;
-    let mut random = Random::new(asked.seed, 0);
+    let silhouettes = request.silhouettes;
+    let mut random = Random::new(request.seed, 0);
     let vertices = cube.vertices.map(|x| x + random.between(-0.5, 0.5) as f32);
     let colors = Tensor::from_flat_fn([color_count, 3], |_| random.unit() as f32);
     // Those of the corners of the cube of colours; with 24, at random.
@@ -65,28 +65,28 @@ fn found(asked: &Asked, side: usize, color_count: usize) -> Result<Found, FitErr
         .with(Parameter::new("vertices", vertices).rate(1e-2))?
         .with(Parameter::new("colors", colors).rate(1e-2))?;
     // At 16 pixels 1500 steps are enough.
-    let steps = asked.steps(if side == 16 { 1500 } else { 5000 });
+    let steps = request.steps(if side == 16 { 1500 } else { 5000 });
     let schedule = Schedule::Exponential { steps: 2000, factor: 0.1, floor: 0.01 };
     // Gradients shrink as fast as the rate. With 0.999 the second moment lags behind and steps become too
     // small: at 4 pixels, with 8 colours, a median of 2e-4 is left. With 0.99 steps are too noisy.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.998, epsilon: 1e-8 };
     let settings = FitSettings { steps, schedule, optimizer, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
-        let camera = camera(&mut Random::new(asked.seed, 1 + view.step));
-        let seen = scene.image(&camera, tape.constant(&truth), tape.constant(&true_colors))?;
-        Ok(mean_squared_error(scene.image(&camera, variables[0], variables[1])?, seen)?)
+        let camera = camera(&mut Random::new(request.seed, 1 + view.step));
+        let target = scene.image(&camera, tape.constant(&truth), tape.constant(&true_colors))?;
+        Ok(mean_squared_error(scene.image(&camera, variables[0], variables[1])?, target)?)
     });
-    let distance = |found: &Parameters<f32>| Ok([measure.of(&found.value("vertices")?)]);
+    let distance = |learnt: &Parameters<f32>| Ok([measure.distance_to(&learnt.value("vertices")?)]);
     let (_, [curve]) = learn(parameters, settings, &mut pipeline, 50, distance)?;
     // Antialias blends silhouettes alone, and of 24 colours some jump across edges in between. Where pixels
     // are large, only coverage tells.
     let is_due = silhouettes == Silhouettes::Exact || (side, color_count) == (16, 8);
     let goal = if is_due { Goal::Below(1e-4) } else { Goal::None };
     let metric = format!("mean vertex distance, {side} px, {color_count} colours");
-    Ok(Found::last(metric, goal, steps, curve))
+    Ok(Outcome::last(metric, goal, steps, curve))
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let cases = [16, 8, 4].into_iter().flat_map(|side| [(side, 8), (side, 24)]);
-    cases.map(|(side, colors)| found(asked, side, colors)).collect()
+    cases.map(|(side, colors)| run_case(request, side, colors)).collect()
 }

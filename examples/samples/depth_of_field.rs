@@ -7,7 +7,7 @@
 use bokashi::glam::Vec3;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Boards, Random, learn, relative_error};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("depth-of-field", "learns a lens, then a scene, from one photo", Exact);
 
@@ -30,7 +30,7 @@ impl Scene {
     ) -> Result<Var<'t, f32>, FitError> {
         let tape = moves.tape();
         let Boards { shape, places, depths } = &self.boards;
-        let [vertices, depths] = [&shape.vertices, depths].map(|at| tape.constant(at));
+        let [vertices, depths] = [&shape.vertices, depths].map(|rows| tape.constant(rows));
         let camera = perspective(0.7, 4.0 / 3.0, 0.1, 50.0);
         let clip = project(vertices + moves * depths, &camera, None)?;
         let options = RasterOptions::new(SIZE).silhouettes(self.silhouettes);
@@ -47,11 +47,11 @@ impl Scene {
     }
 }
 
-fn found(asked: &Asked, learns_vertices: bool) -> Result<Vec<Found>, FitError> {
-    let mut random = Random::new(asked.seed, 0);
+fn run_case(request: &Request, learns_vertices: bool) -> Result<Vec<Outcome>, FitError> {
+    let mut random = Random::new(request.seed, 0);
     let boards = Boards::new(&[2.2, 3.6, 7.0], &mut random)?;
     let still = boards.shape.vertices.map(|_| 0.0);
-    let scene = Scene { boards, silhouettes: asked.silhouettes };
+    let scene = Scene { boards, silhouettes: request.silhouettes };
     let tape = Tape::new();
     let [aperture, focus] = [APERTURE, FOCUS].map(|number| tape.constant_scalar(number));
     let target = scene.photo(aperture, focus, tape.constant(&still))?.value();
@@ -65,17 +65,17 @@ fn found(asked: &Asked, learns_vertices: bool) -> Result<Vec<Found>, FitError> {
         .with(positive("aperture", APERTURE * random.between(0.6, 1.4) as f32))?
         .with(positive("focus", FOCUS * random.between(0.8, 1.2) as f32))?
         .with(if learns_vertices { moves } else { moves.frozen() })?;
-    let steps = asked.steps(if learns_vertices { 2000 } else { 500 });
+    let steps = request.steps(if learns_vertices { 2000 } else { 500 });
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
     let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = from_fn(|tape: &Tape<f32>, list| {
         Ok(squared_error(scene.photo(list[0], list[1], list[2])?, tape.constant(&target))?)
     });
-    let errors = |found: &Parameters<f32>| {
+    let errors = |learnt: &Parameters<f32>| {
         let off =
-            |name, truth| Ok::<_, FitError>(relative_error(found.value(name)?.data(), &[truth]));
-        let moves = found.value("moves")?;
+            |name, truth| Ok::<_, FitError>(relative_error(learnt.value(name)?.data(), &[truth]));
+        let moves = learnt.value("moves")?;
         let far = moves.data().chunks(3).skip(4).map(|d| f64::from(Vec3::from_slice(d).length()));
         let mean = far.sum::<f64>() / (moves.shape()[0] - 4) as f64;
         Ok([off("aperture", APERTURE)?, off("focus", FOCUS)?, mean])
@@ -85,15 +85,15 @@ fn found(asked: &Asked, learns_vertices: bool) -> Result<Vec<Found>, FitError> {
     let image = scene.photo(list[0], list[1], list[2])?.value();
     let (word, count) = if learns_vertices { ("with vertices", 3) } else { ("alone", 2) };
     let names = ["aperture", "focus", "vertices"].into_iter().zip(curves);
-    let found = names.take(count).map(|(name, curve)| {
+    let outcomes = names.take(count).map(|(name, curve)| {
         let metric = format!("relative error of the {name}, lens {word}");
-        Found::last(metric, Goal::Below(0.01), steps, curve)
+        Outcome::last(metric, Goal::Below(0.01), steps, curve)
     });
-    let mut found: Vec<_> = found.collect();
-    found[0] = found[0].clone().picture("target", &target).picture(word, &image);
-    Ok(found)
+    let mut outcomes: Vec<_> = outcomes.collect();
+    outcomes[0] = outcomes[0].clone().picture("target", &target).picture(word, &image);
+    Ok(outcomes)
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    Ok([found(asked, false)?, found(asked, true)?].concat())
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    Ok([run_case(request, false)?, run_case(request, true)?].concat())
 }

@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, globe, learn, sphere};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("earth", "learns the texture of a sphere seen from near and far");
 
@@ -51,23 +51,24 @@ impl Scene {
 /// A sphere of radius 1/2, turned at random, 1.5 to 50 in front of the camera.
 fn camera(random: &mut Random) -> DMat4 {
     let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 0.9, 200.0);
-    let place = DVec3::new(0.0, 0.0, -random.between(1.5, 50.0));
-    projection * DMat4::from_scale_rotation_translation(DVec3::splat(0.5), random.rotation(), place)
+    let position = DVec3::new(0.0, 0.0, -random.between(1.5, 50.0));
+    projection
+        * DMat4::from_scale_rotation_translation(DVec3::splat(0.5), random.rotation(), position)
 }
 
-fn found(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
+fn run_case(request: &Request, has_mipmaps: bool) -> Result<Outcome, FitError> {
     let (sphere, coordinates) = sphere(24)?;
-    let scene = Scene { sphere, coordinates, silhouettes: asked.silhouettes };
-    let truth = globe(TEXELS, &mut Random::new(asked.seed, 0));
+    let scene = Scene { sphere, coordinates, silhouettes: request.silhouettes };
+    let truth = globe(TEXELS, &mut Random::new(request.seed, 0));
     let texels = Tensor::full([TEXELS[0], TEXELS[1], 3], 0.3);
     let texels = Parameter::new("texels", texels).rate(1e-2);
-    let steps = asked.steps(STEPS);
+    let steps = request.steps(STEPS);
     let schedule = Schedule::Exponential { steps, factor: 0.1, floor: 0.0 };
     // Gradients of near and far views differ a hundredfold: their squares are soon forgotten.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
     let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
-        let camera = camera(&mut Random::new(asked.seed, 1 + view.step));
+        let camera = camera(&mut Random::new(request.seed, 1 + view.step));
         let texture = Texture::with_mipmaps(tape.constant(&truth))?;
         let fine = scene.image(&texture, &camera, 4 * SIDE)?;
         let target = downsample(fine, 4, &Filter::Box, Border::Mirror)?;
@@ -76,21 +77,21 @@ fn found(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
             if has_mipmaps { Texture::with_mipmaps(texels)? } else { Texture::new(texels)? };
         Ok(mean_squared_error(scene.image(&texture, &camera, SIDE)?, target)?)
     });
-    let ratio = |found: &Parameters<f32>| Ok([psnr(&found.value("texels")?, &truth, 1.0)?]);
+    let ratio = |learnt: &Parameters<f32>| Ok([psnr(&learnt.value("texels")?, &truth, 1.0)?]);
     let texels = Parameters::new().with(texels)?;
-    let (found, [curve]) = learn(texels, settings, &mut pipeline, 100, ratio)?;
+    let (learnt, [curve]) = learn(texels, settings, &mut pipeline, 100, ratio)?;
     let word = if has_mipmaps { "with" } else { "without" };
     let metric = format!("texture PSNR in dB, {word} mipmaps");
-    let pictures = Found::last(metric, Goal::None, steps, curve).picture("true texture", &truth);
-    Ok(pictures.picture("learnt", &found.value("texels")?))
+    let pictures = Outcome::last(metric, Goal::None, steps, curve).picture("true texture", &truth);
+    Ok(pictures.picture("learnt", &learnt.value("texels")?))
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let [with, without] = [found(asked, true)?, found(asked, false)?];
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    let [with, without] = [run_case(request, true)?, run_case(request, false)?];
     let (ahead, seconds) = (with.value - without.value, with.seconds + without.seconds);
     let curve = vec![(seconds, ahead)];
     let (metric, goal) = ("mipmaps ahead by, in dB".to_owned(), Goal::Above(3.0));
     let steps = with.steps;
-    let ahead = Found { metric, value: ahead, goal, steps, seconds, curve, pictures: Vec::new() };
+    let ahead = Outcome { metric, value: ahead, goal, steps, seconds, curve, pictures: Vec::new() };
     Ok(vec![with, without, ahead])
 }

@@ -9,7 +9,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, column, learn, relative_error, sky, sphere};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("envphong", "learns what a sphere mirrors, and its highlight");
 
@@ -31,13 +31,13 @@ impl Scene {
     /// random.
     fn error<'t>(
         &self,
-        found: &Variables<'t, f32>,
+        learnt: &Variables<'t, f32>,
         random: &mut Random,
     ) -> Result<Var<'t, f32>, FitError> {
-        let (tape, found) = (found[0].tape(), [found[0], found[1], found[2]]);
+        let (tape, learnt) = (learnt[0].tape(), [learnt[0], learnt[1], learnt[2]]);
         let vector = |v: DVec3| tape.constant(&Tensor::from(v.as_vec3().to_array()));
-        let place = random.vector(0.25) - DVec3::new(0.0, 0.0, 3.5);
-        let view = DMat4::from_rotation_translation(random.rotation(), place);
+        let position = random.vector(0.25) - DVec3::new(0.0, 0.0, 3.5);
+        let view = DMat4::from_rotation_translation(random.rotation(), position);
         let camera = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 200.0) * view;
         let (eye, lamp) = (view.inverse().w_axis.truncate(), random.direction());
         let vertices = tape.constant(&self.sphere.vertices);
@@ -52,47 +52,48 @@ impl Scene {
         let cosines = mirrored.dot(vector(lamp))?.relu().keepdim(1)?;
         let light = |[map, color, exponent]: [Var<'t, f32>; 3]| -> Result<_, FitError> {
             let map = CubeMap::new(map)?;
-            let seen = sample_cube_map(&map, mirrored, Detail::Finest, Sampler::new())?;
-            Ok(seen + color * cosines.pow(exponent)?)
+            let reflected = sample_cube_map(&map, mirrored, Detail::Finest, Sampler::new())?;
+            Ok(reflected + color * cosines.pow(exponent)?)
         };
         // Pictures with the same silhouettes: their difference is the picture of the difference.
         let truth = [0, 1, 2].map(|k| tape.constant(&self.truth[k]));
-        let off = light(found)? - light(truth)?;
+        let off = light(learnt)? - light(truth)?;
         Ok(fragments.picture(off, Background::Zero)?.image()?.square().mean()?)
     }
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let map = sky(TEXELS, &mut Random::new(asked.seed, 0));
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    let map = sky(TEXELS, &mut Random::new(request.seed, 0));
     let truth = [map, Tensor::from(COLOR), Tensor::scalar(EXPONENT)];
-    let scene = Scene { sphere: sphere(48)?.0, truth, silhouettes: asked.silhouettes };
-    let parameters = Parameters::new()
+    let scene = Scene { sphere: sphere(48)?.0, truth, silhouettes: request.silhouettes };
+    let start = Parameters::new()
         .with(Parameter::new("map", Tensor::full([6, TEXELS, TEXELS, 3], 0.5)).rate(0.05))?
         .with(Parameter::new("color", Tensor::full([3], 0.5)).rate(0.05))?
         .with(Parameter::new("exponent", Tensor::scalar(10.0)).mapping(Mapping::Exp).rate(0.05))?;
-    let steps = asked.steps(STEPS);
+    let steps = request.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     // Gradients of the highlight fall a hundredfold as the map is found: their squares are soon forgotten.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
     let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = views(1, |view, _: &Tape<f32>, variables| {
-        scene.error(variables, &mut Random::new(asked.seed, 1 + view.step))
+        scene.error(variables, &mut Random::new(request.seed, 1 + view.step))
     });
-    let errors = |found: &Parameters<f32>| {
-        let off = |name, truth| Ok::<_, FitError>(relative_error(found.value(name)?.data(), truth));
+    let errors = |learnt: &Parameters<f32>| {
+        let off =
+            |name, truth| Ok::<_, FitError>(relative_error(learnt.value(name)?.data(), truth));
         // A view and a light that no step has.
-        let random = &mut Random::new(asked.seed, u64::MAX);
-        let error = scene.error(&found.record(&Tape::new()), random)?.item();
+        let random = &mut Random::new(request.seed, u64::MAX);
+        let error = scene.error(&learnt.record(&Tape::new()), random)?.item();
         Ok([off("color", &COLOR)?, off("exponent", &[EXPONENT])?, f64::from(error).sqrt()])
     };
-    let (found, [color, exponent, image]) = learn(parameters, settings, &mut pipeline, 20, errors)?;
+    let (learnt, [color, exponent, image]) = learn(start, settings, &mut pipeline, 20, errors)?;
     let goal = Goal::Below(0.01);
-    let image = Found::last("image RMSE, in a view not learnt", Goal::None, steps, image)
+    let image = Outcome::last("image RMSE, in a view not learnt", Goal::None, steps, image)
         .picture("true map", &column(&scene.truth[0]))
-        .picture("learnt map", &column(&found.value("map")?));
+        .picture("learnt map", &column(&learnt.value("map")?));
     Ok(vec![
-        Found::last("relative error of the highlight's colour", goal, steps, color),
-        Found::last("relative error of the highlight's exponent", goal, steps, exponent),
+        Outcome::last("relative error of the highlight's colour", goal, steps, color),
+        Outcome::last("relative error of the highlight's exponent", goal, steps, exponent),
         image,
     ])
 }

@@ -5,7 +5,7 @@
 use bokashi::glam::DVec3;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube, learn};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("far-start", "finds an object that starts far from its picture");
 
@@ -36,17 +36,17 @@ fn tensor(v: DVec3) -> Tensor<f32> {
     Tensor::from(v.to_array().map(|x| x as f32))
 }
 
-fn found(
+fn run_case(
     scene: &Scene,
-    asked: &Asked,
+    request: &Request,
     truth: DVec3,
     start: DVec3,
     blurs: bool,
-) -> Result<Found, FitError> {
+) -> Result<Outcome, FitError> {
     let tape = Tape::new();
     let target = scene.image(tape.constant(&tensor(truth)))?.value();
-    let steps = asked.steps(STEPS);
-    let place = Parameter::new("place", tensor(start)).rate(0.03);
+    let steps = request.steps(STEPS);
+    let position = Parameter::new("place", tensor(start)).rate(0.03);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let settings = FitSettings { steps, schedule, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
@@ -55,30 +55,31 @@ fn found(
         let sigma = if blurs { (WIDEST * left).max(0.0) } else { 0.0 };
         let sigma = tape.constant_scalar(sigma as f32);
         let blur = |image| gaussian_blur(image, sigma, &Blur::default());
-        let found = scene.image(variables.get("place")?)?;
-        Ok(squared_error(blur(found)?, blur(tape.constant(&target))?)?)
+        let drawn = scene.image(variables.get("place")?)?;
+        Ok(squared_error(blur(drawn)?, blur(tape.constant(&target))?)?)
     });
-    let off = |found: &Parameters<f32>| {
-        let place = found.value("place")?;
-        Ok([DVec3::from_array([0, 1, 2].map(|k| place.data()[k].into())).distance(truth)])
+    let off = |learnt: &Parameters<f32>| {
+        let position = learnt.value("place")?;
+        Ok([DVec3::from_array([0, 1, 2].map(|k| position.data()[k].into())).distance(truth)])
     };
-    let (found, [curve]) = learn(Parameters::new().with(place)?, settings, &mut pipeline, 1, off)?;
-    let image = scene.image(tape.constant(&found.value("place")?))?.value();
+    let (learnt, [curve]) =
+        learn(Parameters::new().with(position)?, settings, &mut pipeline, 1, off)?;
+    let image = scene.image(tape.constant(&learnt.value("place")?))?.value();
     // The cube's side is 1, and the way was longer.
     let (word, goal) =
         if blurs { ("with", Goal::Below(0.01)) } else { ("without", Goal::Above(0.5)) };
-    let found = Found::last(format!("distance {word} blur, in sides"), goal, steps, curve);
-    Ok(found.picture(&format!("{word} blur"), &image).picture("target", &target))
+    let outcome = Outcome::last(format!("distance {word} blur, in sides"), goal, steps, curve);
+    Ok(outcome.picture(&format!("{word} blur"), &image).picture("target", &target))
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let scene = Scene { cube: cube()?, silhouettes: asked.silhouettes };
-    let mut random = Random::new(asked.seed, 0);
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    let scene = Scene { cube: cube()?, silhouettes: request.silhouettes };
+    let mut random = Random::new(request.seed, 0);
     let truth = DVec3::new(random.between(0.8, 1.2), random.between(-0.8, 0.8), -6.0);
     // Across the picture: 2.2 to 2.4 sides away, and more or less as far from the eye.
     let away = DVec3::new(-random.between(2.2, 2.4), 0.0, random.between(-0.3, 0.3));
     [true, false]
         .into_iter()
-        .map(|blurs| found(&scene, asked, truth, truth + away, blurs))
+        .map(|blurs| run_case(&scene, request, truth, truth + away, blurs))
         .collect()
 }

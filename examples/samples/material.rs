@@ -7,7 +7,7 @@
 
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, StillLights, StillSurface, learn, planet, sky, substance};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("material", "learns what an object is made of, from 16 pictures");
 
@@ -46,8 +46,8 @@ impl Scene {
     }
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let random = &mut Random::new(asked.seed, 0);
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    let random = &mut Random::new(request.seed, 0);
     let parameters = |maps: [Tensor<f32>; 3], mapping: Mapping| {
         MAPS.into_iter().zip(maps).try_fold(Parameters::new(), |list, (name, map)| {
             list.with(Parameter::new(name, map).mapping(mapping).rate(0.1))
@@ -56,44 +56,44 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let truth = parameters(substance(TEXELS, random), Mapping::Identity)?;
     let lights = StillLights::new(&sky(64, random), random.direction())?;
     let options = RasterOptions::new(Size::square(256)).cull(Cull::Back);
-    let (object, options) = (planet()?, options.silhouettes(asked.silhouettes));
+    let (object, options) = (planet()?, options.silhouettes(request.silhouettes));
     let all = 0..LEARNT + HELD_OUT;
-    let seen = all.clone().map(|_| StillSurface::new(&object, 3.2 * random.direction(), options));
-    let scene = Scene { views: seen.collect::<Result<_, _>>()?, lights };
+    let stills = all.clone().map(|_| StillSurface::new(&object, 3.2 * random.direction(), options));
+    let scene = Scene { views: stills.collect::<Result<_, _>>()?, lights };
     let still = |k: usize, maps: &Parameters<f32>| -> Result<_, FitError> {
         Ok(scene.image(k, &maps.record(&Tape::new()))?.value())
     };
     let targets = all.map(|k| still(k, &truth)).collect::<Result<Vec<_>, _>>()?;
     let grey = [3, 1, 1].map(|channels| Tensor::full([TEXELS, TEXELS, channels], 0.5));
 
-    let steps = asked.steps(300);
+    let steps = request.steps(300);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let settings = FitSettings { steps, schedule, ..FitSettings::default() };
     let mut pipeline = views(LEARNT, |view, tape: &Tape<f32>, maps| {
         Ok(mean_squared_error(scene.image(view.index, maps)?, tape.constant(&targets[view.index]))?)
     })
     .per_step(4)
-    .seed(asked.seed);
-    let ratios = |found: &Parameters<f32>| {
+    .seed(request.seed);
+    let ratios = |learnt: &Parameters<f32>| {
         let mut held_out = 0.0;
         for k in LEARNT..LEARNT + HELD_OUT {
-            held_out += psnr(&still(k, found)?, &targets[k], 1.0)? / HELD_OUT as f64;
+            held_out += psnr(&still(k, learnt)?, &targets[k], 1.0)? / HELD_OUT as f64;
         }
         // Of all texels, seen or not.
         let mut all = [held_out; 4];
         for (ratio, name) in all[1..].iter_mut().zip(MAPS) {
-            *ratio = psnr(&found.value(name)?, &truth.value(name)?, 1.0)?;
+            *ratio = psnr(&learnt.value(name)?, &truth.value(name)?, 1.0)?;
         }
         Ok(all)
     };
     let grey = parameters(grey, Mapping::Sigmoid)?;
-    let (found, curves) = learn(grey, settings, &mut pipeline, 50, ratios)?;
+    let (learnt, curves) = learn(grey, settings, &mut pipeline, 50, ratios)?;
     let [views, maps @ ..] = curves;
-    let views = Found::last("PSNR of held-out views, in dB", Goal::Above(30.0), steps, views)
-        .picture("held-out view", &still(LEARNT, &found)?)
+    let views = Outcome::last("PSNR of held-out views, in dB", Goal::Above(30.0), steps, views)
+        .picture("held-out view", &still(LEARNT, &learnt)?)
         .picture("its truth", &targets[LEARNT]);
     let maps = MAPS.into_iter().zip(maps).map(|(name, curve)| {
-        Found::last(format!("PSNR of {name}, in dB"), Goal::None, steps, curve)
+        Outcome::last(format!("PSNR of {name}, in dB"), Goal::None, steps, curve)
     });
     Ok([views].into_iter().chain(maps).collect())
 }

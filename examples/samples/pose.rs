@@ -10,7 +10,7 @@ use bokashi::fit::{Rules, StepState, before_update};
 use bokashi::glam::{DQuat, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube};
-use bokashi_examples::{Asked, Curve, Found, Goal};
+use bokashi_examples::{Curve, Goal, Outcome, Request};
 
 bokashi_examples::sample!("pose", "finds how a cube with flat sides is turned");
 
@@ -49,17 +49,17 @@ fn tensor(q: DQuat) -> Tensor<f32> {
     Tensor::from(q.normalize().to_array().map(|x| x as f32))
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let cube = cube()?;
     let colored = Mesh::new((0..12).map(|face| [face / 2; 3]).collect(), 6)?;
-    let scene = Scene { cube, colored, silhouettes: asked.silhouettes };
-    let mut random = Random::new(asked.seed, 0);
+    let scene = Scene { cube, colored, silhouettes: request.silhouettes };
+    let mut random = Random::new(request.seed, 0);
     let (truth, mut best) = (random.rotation(), random.rotation());
     let mut tape = Tape::new();
     let target = scene.image(tape.constant(&tensor(truth)))?.value();
     let off = |q: DQuat| q.normalize().angle_between(truth).to_degrees();
     let mut curve = Curve::starting_now();
-    let steps = asked.steps(STEPS);
+    let steps = request.steps(STEPS);
 
     let mut least = f32::INFINITY;
     for step in 0..steps / 2 {
@@ -83,9 +83,9 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let mut image = target.clone();
     let quaternion = |q: &Tensor<f32>| DQuat::from_array([0, 1, 2, 3].map(|k| q.data()[k].into()));
     let mut pipeline = from_fn(|tape: &Tape<f32>, variables| {
-        let found = scene.image(variables.get("rotation")?)?;
-        image = found.value();
-        Ok(squared_error(found, tape.constant(&target))?)
+        let drawn = scene.image(variables.get("rotation")?)?;
+        image = drawn.value();
+        Ok(squared_error(drawn, tape.constant(&target))?)
     });
     let mut watch = before_update(|state: &StepState<'_, f32, ()>| {
         let rotation = state.parameters.get("rotation").expect("it is there");
@@ -93,6 +93,6 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
         ControlFlow::Continue(())
     });
     fit.drive(&mut pipeline, &Rules::default(), &mut [&mut watch])?;
-    let found = Found::last("angle to the truth, in degrees", Goal::Below(0.5), steps, curve);
-    Ok(vec![found.picture("target", &target).picture("found", &image)])
+    let outcome = Outcome::last("angle to the truth, in degrees", Goal::Below(0.5), steps, curve);
+    Ok(vec![outcome.picture("target", &target).picture("found", &image)])
 }

@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, ball, bunny, learn, surface_distance};
-use bokashi_examples::{Asked, Found, Goal};
+use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("silhouette", "makes a bunny of a sphere by twenty silhouettes");
 
@@ -39,12 +39,12 @@ fn camera(random: &mut Random) -> DMat4 {
     perspective(0.7, 1.0, 0.1, 10.0) * look_at(eye, DVec3::ZERO, eye.any_orthogonal_vector())
 }
 
-fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
-    let mut random = Random::new(asked.seed, 0);
+fn run_case(request: &Request, has_large_steps: bool) -> Result<Vec<Outcome>, FitError> {
+    let mut random = Random::new(request.seed, 0);
     let cameras: Vec<_> = (0..LEARNT + HELD_OUT).map(|_| camera(&mut random)).collect();
     let (bunny, Shape { mesh, vertices: start }) = (bunny()?, ball(4)?);
     let still = |vertices: &Tensor<f32>, mesh: &Mesh, camera: &DMat4| -> Result<_, FitError> {
-        Ok(mask(Tape::new().constant(vertices), mesh, camera, asked.silhouettes)?.value())
+        Ok(mask(Tape::new().constant(vertices), mesh, camera, request.silhouettes)?.value())
     };
     let targets = cameras.iter().map(|camera| still(&bunny.vertices, &bunny.mesh, camera));
     let targets = targets.collect::<Result<Vec<_>, _>>()?;
@@ -56,13 +56,13 @@ fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
         true => vertices.preconditioned(&Preconditioner::new(&topology, LAMBDA)?).rate(6e-2),
         false => vertices.rate(1e-2),
     };
-    let steps = asked.steps(STEPS);
+    let steps = request.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.05 };
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
     let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = views(LEARNT, |view, tape: &Tape<f32>, variables| {
-        let seen = mask(variables[0], &mesh, &cameras[view.index], asked.silhouettes)?;
-        let loss = mean_squared_error(seen, tape.constant(&targets[view.index]))?;
+        let drawn = mask(variables[0], &mesh, &cameras[view.index], request.silhouettes)?;
+        let loss = mean_squared_error(drawn, tape.constant(&targets[view.index]))?;
         if has_large_steps {
             return Ok(loss);
         }
@@ -70,8 +70,8 @@ fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
     });
     let hard =
         |mask: &Tensor<f32>| Mask::from_flat_fn(mask.shape().clone(), |k| mask.data()[k] > 0.5);
-    let overlap = |found: &Parameters<f32>| {
-        let vertices = found.value("vertices")?;
+    let overlap = |learnt: &Parameters<f32>| {
+        let vertices = learnt.value("vertices")?;
         let held_out = cameras.iter().zip(&targets).skip(LEARNT);
         let overlaps = held_out.map(|(camera, target)| {
             Ok::<_, FitError>(iou(&hard(&still(&vertices, &mesh, camera)?), &hard(target))?)
@@ -79,20 +79,20 @@ fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
         Ok([overlaps.sum::<Result<f64, _>>()? / HELD_OUT as f64])
     };
     let vertices = Parameters::new().with(vertices)?;
-    let (found, [curve]) = learn(vertices, settings, &mut pipeline, 25, overlap)?;
-    let vertices = found.value("vertices")?;
+    let (learnt, [curve]) = learn(vertices, settings, &mut pipeline, 25, overlap)?;
+    let vertices = learnt.value("vertices")?;
     let word = if has_large_steps { "large steps" } else { "a plain Laplacian" };
     let goal = if has_large_steps { Goal::Above(0.97) } else { Goal::None };
-    let found = Found::last(format!("IoU of held-out views, {word}"), goal, steps, curve)
+    let iou = Outcome::last(format!("IoU of held-out views, {word}"), goal, steps, curve)
         .picture(&format!("held out, {word}"), &still(&vertices, &mesh, &cameras[LEARNT])?)
         .picture("held out, target", &targets[LEARNT]);
     let metric = format!("mean surface distance, radius 1, {word}");
     let value = surface_distance(&vertices, &bunny);
     let distance =
-        Found { metric, value, goal: Goal::None, curve: Vec::new(), pictures: Vec::new(), ..found };
-    Ok(vec![found, distance])
+        Outcome { metric, value, goal: Goal::None, curve: Vec::new(), pictures: Vec::new(), ..iou };
+    Ok(vec![iou, distance])
 }
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    Ok([found(asked, true)?, found(asked, false)?].concat())
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
+    Ok([run_case(request, true)?, run_case(request, false)?].concat())
 }

@@ -1,13 +1,13 @@
 //! A triangle with a colour at each corner. Nothing is learnt: this is the shortest way to a picture.
 
 use bokashi::prelude::*;
-use bokashi_examples::{Asked, Curve, Found, Goal};
+use bokashi_examples::{Curve, Goal, Outcome, Request};
 
 bokashi_examples::sample!("triangle", "draws a triangle with a colour at each corner");
 
 const SIDE: usize = 256;
 
-fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let mut curve = Curve::starting_now();
     let tape = Tape::<f64>::new();
     let corners = [[-0.8, -0.8, 0.0, 1.0], [0.8, -0.8, 0.0, 1.0], [-0.8, 0.8, 0.0, 1.0]];
@@ -15,7 +15,7 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let clip = tape.constant(&Tensor::from(corners.to_vec()));
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
     let colors = tape.constant(&Tensor::from(colors.to_vec()));
-    let options = RasterOptions::new(Size::square(SIDE)).silhouettes(asked.silhouettes);
+    let options = RasterOptions::new(Size::square(SIDE)).silhouettes(request.silhouettes);
     let image = render(clip, &mesh, colors, options, Background::Zero)?.image()?.value();
 
     // The same from the formula: the barycentrics of each pixel's centre.
@@ -27,5 +27,5 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     });
     curve.add(psnr(&image, &truth, 1.0)?);
     let metric = "PSNR against the formula at pixel centres, in dB";
-    Ok(vec![Found::last(metric, Goal::Above(25.0), 0, curve).picture("picture", &image)])
+    Ok(vec![Outcome::last(metric, Goal::Above(25.0), 0, curve).picture("picture", &image)])
 }

@@ -18,8 +18,8 @@ pub fn globe([height, width]: [usize; 2], random: &mut Random) -> Tensor<f32> {
             (frequency * random.direction(), random.between(0.0, std::f64::consts::TAU), frequency)
         })
         .collect();
-    let heights = |place: DVec3| -> f64 {
-        waves.iter().map(|(wave, phase, f)| (wave.dot(place) + phase).sin() / f.powf(0.7)).sum()
+    let heights = |point: DVec3| -> f64 {
+        waves.iter().map(|(wave, phase, f)| (wave.dot(point) + phase).sin() / f.powf(0.7)).sum()
     };
     Tensor::from_fn([height, width, 3], |[row, column, channel]| {
         let latitude = std::f64::consts::PI * ((row as f64 + 0.5) / height as f64);
@@ -46,9 +46,9 @@ pub fn motley(vertices: &Tensor<f32>, random: &mut Random) -> Tensor<f32> {
     let mut wave = || (random.between(4.0, 9.0) * random.direction(), random.between(0.0, 6.3));
     let waves: [[_; 4]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
     Tensor::from_fn([vertices.shape()[0], 3], |[vertex, channel]| {
-        let place = DVec3::from_array([0, 1, 2].map(|k| vertices.data()[3 * vertex + k].into()));
+        let point = DVec3::from_array([0, 1, 2].map(|k| vertices.data()[3 * vertex + k].into()));
         let sum: f64 =
-            waves[channel].iter().map(|(wave, phase)| (wave.dot(place) + phase).sin()).sum();
+            waves[channel].iter().map(|(wave, phase)| (wave.dot(point) + phase).sin()).sum();
         (0.5 + 0.12 * sum) as f32
     })
 }

@@ -3,7 +3,7 @@
 use bokashi::fit::{Fitting, Rules, Steps as _, every as each};
 use bokashi::prelude::*;
 
-use super::found::Curve;
+use super::outcome::Curve;
 
 /// Fits `parameters` and takes figures of them: before the first step, each `every` steps (1 or more), and at
 /// the end. The seconds of a curve include those that its figures take. All of `settings.steps` are taken, unless

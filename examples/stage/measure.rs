@@ -22,8 +22,8 @@ pub fn root_mean_square(a: &[f32], b: &[f32]) -> f64 {
 /// # Panics
 /// Where the lengths differ.
 #[track_caller]
-pub fn relative_error(found: &[f32], truth: &[f32]) -> f64 {
-    root_mean_square(found, truth) / root_mean_square(truth, &vec![0.0; truth.len()])
+pub fn relative_error(values: &[f32], truth: &[f32]) -> f64 {
+    root_mean_square(values, truth) / root_mean_square(truth, &vec![0.0; truth.len()])
 }
 
 /// The mean distance of vertices `[V, 3]` from their true places. A mesh that looks the same with its
@@ -41,7 +41,7 @@ pub fn vertex_distance(faces: &[[u32; 3]], truth: &Tensor<f32>) -> VertexDistanc
 
 impl VertexDistance {
     /// The mean distance of `vertices`.
-    pub fn of(&self, vertices: &Tensor<f32>) -> f64 {
+    pub fn distance_to(&self, vertices: &Tensor<f32>) -> f64 {
         let distance = |a: &[f32], b: &[f32]| -> f64 {
             a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
         };
@@ -74,8 +74,8 @@ fn to_face(p: Vec3, &[a, b, c]: &[Vec3; 3]) -> f32 {
     }
     let to_edge = |from: Vec3, to: Vec3| {
         let (way, off) = (to - from, p - from);
-        let at = (off.dot(way) / way.length_squared()).clamp(0.0, 1.0);
-        if at.is_nan() { off.length() } else { (off - at * way).length() }
+        let share = (off.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+        if share.is_nan() { off.length() } else { (off - share * way).length() }
     };
     to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
 }

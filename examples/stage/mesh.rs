@@ -39,16 +39,16 @@ pub fn cube() -> Result<Shape, RenderError> {
 pub fn sphere(rings: usize) -> Result<(Shape, Tensor<f32>), RenderError> {
     let (across, segments) = (2 * rings + 1, 2 * rings);
     let count = (rings + 1) * across;
-    let place = |vertex: usize| {
+    let grid_point = |vertex: usize| {
         let (ring, segment) = (vertex / across, vertex % across);
         [segment as f64 / segments as f64, ring as f64 / rings as f64]
     };
     let vertices = Tensor::from_fn([count, 3], |[vertex, axis]| {
-        let [u, v] = place(vertex);
+        let [u, v] = grid_point(vertex);
         let (sin, cos) = (PI * v).sin_cos();
         [sin * (TAU * u).cos(), cos, -sin * (TAU * u).sin()][axis] as f32
     });
-    let coordinates = Tensor::from_fn([count, 2], |[vertex, axis]| place(vertex)[axis] as f32);
+    let coordinates = Tensor::from_fn([count, 2], |[vertex, axis]| grid_point(vertex)[axis] as f32);
     let mut faces = Vec::new();
     for ring in 0..rings {
         for segment in 0..segments {
@@ -78,9 +78,9 @@ pub fn cluster(count: usize, random: &mut Random) -> Result<Shape, RenderError> 
     let (mut faces, mut vertices) = (Vec::new(), Vec::new());
     for _ in 0..count {
         let first = vertices.len() as u32;
-        let place = random.vector(1.0).as_vec3();
+        let center = random.vector(1.0).as_vec3();
         faces.extend(ball.mesh.faces().iter().map(|face| face.map(|vertex| vertex + first)));
-        let of_ball = ball.vertices.data().chunks(3).map(|v| place + 0.25 * Vec3::from_slice(v));
+        let of_ball = ball.vertices.data().chunks(3).map(|v| center + 0.25 * Vec3::from_slice(v));
         vertices.extend(of_ball.map(|v| v.to_array()));
     }
     let mesh = Mesh::new(faces, vertices.len())?;

@@ -51,8 +51,8 @@ impl Random {
 
     /// A camera's view of what is at 0, from any side, at this distance and moved by so much.
     pub fn view(&mut self, distance: f64, moved: f64) -> DMat4 {
-        let place = self.vector(moved) + DVec3::new(0.0, 0.0, distance);
-        DMat4::from_rotation_translation(self.rotation(), place)
+        let position = self.vector(moved) + DVec3::new(0.0, 0.0, distance);
+        DMat4::from_rotation_translation(self.rotation(), position)
     }
 
     /// A small motion: turned by up to `angle`, in radians, and moved by up to `length` along each axis.

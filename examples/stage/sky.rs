@@ -27,8 +27,8 @@ pub fn sky(side: usize, random: &mut Random) -> Tensor<f32> {
         let towards = DVec3::from_slice(&directions.data()[3 * texel..]);
         let waves = waves[channel].iter();
         let sum: f64 = waves.map(|(wave, phase, f)| (wave.dot(towards) + phase).sin() / f).sum();
-        let spots = spots.iter().map(|(place, radius, color)| {
-            color[channel] * (-0.5 * (place.distance(towards) / radius).powi(2)).exp()
+        let spots = spots.iter().map(|(center, radius, color)| {
+            color[channel] * (-0.5 * (center.distance(towards) / radius).powi(2)).exp()
         });
         (0.5 * (0.5 * sum).exp() + spots.sum::<f64>()) as f32
     })

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_examples::{Found, Goal, Sample, Silhouettes};
+use bokashi_examples::{Goal, Outcome, Sample, Silhouettes};
 use serde_json::{Value, json};
 
 /// What a sample came to with one seed: figures, or an error.
@@ -10,7 +10,7 @@ pub(super) struct Run {
     pub(super) sample: Sample,
     pub(super) seed: u64,
     pub(super) silhouettes: Silhouettes,
-    pub(super) result: Result<Vec<Found>, String>,
+    pub(super) result: Result<Vec<Outcome>, String>,
 }
 
 impl Run {

@@ -5,7 +5,7 @@ mod page;
 
 use std::sync::PoisonError;
 
-use bokashi_examples::{Asked, SAMPLES, Sample};
+use bokashi_examples::{Request, SAMPLES, Sample};
 use bokashi_report::ReportError;
 use serde_json::Value;
 
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
     for sample in SAMPLES.iter().filter(is_asked) {
         for seed in (arguments.first_seed..).take(arguments.seeds as usize) {
             let silhouettes = arguments.silhouettes.unwrap_or(sample.silhouettes);
-            let options = Asked { seed, silhouettes, most_steps: arguments.steps };
+            let options = Request { seed, silhouettes, most_steps: arguments.steps };
             let result = (sample.run)(&options).map_err(|error| one_line(&error.to_string()));
             let run = Run { sample: *sample, seed, silhouettes, result };
             if speaks {

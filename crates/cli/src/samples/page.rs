@@ -1,6 +1,6 @@
 //! The page of the samples: error against run time first, then figures and pictures.
 
-use bokashi_examples::Found;
+use bokashi_examples::Outcome;
 use bokashi_report::{
     Captioned, Cell, Curve, Document, Figure, Figures, PICTURE_HEIGHT, ReportError, Scale, Section,
     Stroke, Table, data_uri, enlarged, picture_of, png,
@@ -72,7 +72,7 @@ fn table(runs: &[Run]) -> Table {
     table
 }
 
-fn row(run: &Run, outcome: &Found) -> Vec<Cell> {
+fn row(run: &Run, outcome: &Outcome) -> Vec<Cell> {
     let value = Cell::number(outcome.value);
     vec![
         Cell::Count(run.seed as usize),

@@ -59,7 +59,7 @@ impl Curve {
 
 /// A figure that a sample reached.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct Outcome {
     /// What was measured, with its unit.
     pub metric: String,
     /// The figure.
@@ -76,7 +76,7 @@ pub struct Found {
     pub pictures: Vec<(String, Tensor<f64>)>,
 }
 
-impl Found {
+impl Outcome {
     /// The last figure of `curve`, after `steps` updates.
     ///
     /// # Panics
@@ -105,7 +105,7 @@ impl Found {
     }
 }
 
-impl fmt::Display for Found {
+impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { metric, value, goal, steps, seconds, .. } = self;
         let verdict = match (goal, self.passes()) {

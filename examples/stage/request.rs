@@ -4,7 +4,7 @@ use bokashi::prelude::*;
 
 /// What a sample is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Asked {
+pub struct Request {
     /// All that is random follows from it.
     pub seed: u64,
     /// How silhouettes look.
@@ -13,9 +13,9 @@ pub struct Asked {
     pub most_steps: Option<u64>,
 }
 
-impl Asked {
-    /// How many steps to take instead of `own`.
-    pub fn steps(&self, own: u64) -> u64 {
-        self.most_steps.map_or(own, |most| most.min(own))
+impl Request {
+    /// How many steps to take instead of `needed`.
+    pub fn steps(&self, needed: u64) -> u64 {
+        self.most_steps.map_or(needed, |most| most.min(needed))
     }
 }
