@@ -39,7 +39,7 @@ pub enum Outcome {
 
 /// A file, and what came of it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Found {
+pub struct WalkedFile {
     /// Its path below the folder.
     pub path: PathBuf,
     /// The ending of its name, one of four.
@@ -81,7 +81,7 @@ impl FromStr for Expected {
 ///
 /// # Errors
 /// Where a folder can't be read.
-pub fn walk(folder: &Path, on_file: &mut dyn FnMut(&Path)) -> Result<Vec<Found>, SceneError> {
+pub fn walk(folder: &Path, on_file: &mut dyn FnMut(&Path)) -> Result<Vec<WalkedFile>, SceneError> {
     let inside = Folder::new(folder)?;
     let mut files = Vec::new();
     let mut open = vec![PathBuf::new()];
@@ -98,13 +98,13 @@ pub fn walk(folder: &Path, on_file: &mut dyn FnMut(&Path)) -> Result<Vec<Found>,
         }
     }
     files.sort();
-    let outcomes = files.into_iter().map(|(path, format)| {
+    let walked = files.into_iter().map(|(path, format)| {
         on_file(&path);
         let outcome = catch_unwind(AssertUnwindSafe(|| outcome(&inside, &path)));
         let outcome = outcome.unwrap_or_else(|_| Outcome::Broken("the reader panics".to_owned()));
-        Found { path, format, outcome }
+        WalkedFile { path, format, outcome }
     });
-    Ok(outcomes.collect())
+    Ok(walked.collect())
 }
 
 fn format_of(path: &Path) -> Option<&'static str> {
@@ -118,10 +118,10 @@ fn outcome(folder: &Folder, path: &Path) -> Outcome {
     let model = match read_model_with(folder, path, options) {
         Ok(model) => model,
         Err(error) => {
-            let said = error.to_string();
+            let message = error.to_string();
             // Without the folder, the same words stand in every report.
-            let own = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-            return Outcome::Refused(said.replace(&own, ""));
+            let prefix = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
+            return Outcome::Refused(message.replace(&prefix, ""));
         }
     };
     match comes_back(&model, folder) {
@@ -140,7 +140,7 @@ fn comes_back(model: &Model, folder: &Folder) -> Result<bool, SceneError> {
     let options = MeshOptions::default();
     let back = read_model_bytes(&glb(model)?, MeshKind::Gltf, folder, "written.glb", options)?;
     // Nodes have what was taken off positions.
-    let bare = |own: &Geometry| Geometry { offset: DVec3::ZERO, ..own.clone() };
+    let bare = |geometry: &Geometry| Geometry { offset: DVec3::ZERO, ..geometry.clone() };
     let mut same = back.geometries == model.geometries.iter().map(bare).collect::<Vec<_>>();
     for geometry in &model.geometries {
         let written = ply(geometry, &model.materials, |_| None)?;
@@ -151,7 +151,7 @@ fn comes_back(model: &Model, folder: &Folder) -> Result<bool, SceneError> {
 }
 
 /// How many files of each format there are and what came of them, then each that was not loaded and why.
-pub fn markdown(found: &[Found]) -> String {
+pub fn markdown(walked: &[WalkedFile]) -> String {
     let mut counts = Table::new(
         "models",
         "Files",
@@ -164,12 +164,12 @@ pub fn markdown(found: &[Found]) -> String {
         ],
     );
     for format in FORMATS {
-        let [loaded, refused, broken] = count(found, format);
+        let [loaded, refused, broken] = count(walked, format);
         let cells = [loaded + refused + broken, loaded, refused, broken].map(Cell::Count);
         counts.push([vec![Cell::text(format)], cells.to_vec()].concat());
     }
     let mut text = counts.markdown();
-    for Found { path, outcome, .. } in found {
+    for WalkedFile { path, outcome, .. } in walked {
         let path = path.display();
         text.push_str(&match outcome {
             Outcome::Loaded { .. } => continue,
@@ -182,25 +182,26 @@ pub fn markdown(found: &[Found]) -> String {
 }
 
 /// What is wrong: broken files, and counts other than `expected`.
-pub fn wrong(found: &[Found], expected: &[Expected]) -> Vec<String> {
-    let broken = found.iter().filter_map(|Found { path, outcome, .. }| match outcome {
+pub fn wrong(walked: &[WalkedFile], expected: &[Expected]) -> Vec<String> {
+    let broken = walked.iter().filter_map(|WalkedFile { path, outcome, .. }| match outcome {
         Outcome::Broken(why) => Some(format!("{}: {why}", path.display())),
         _ => None,
     });
     let counts = expected.iter().filter_map(|Expected { format, loaded, files }| {
-        let [own, refused, broken] = count(found, format);
-        let all = own + refused + broken;
+        let [loaded_now, refused, broken] = count(walked, format);
+        let all = loaded_now + refused + broken;
         let rule = format!("{loaded} of {files} files of the format {format} load");
-        ((own, all) != (*loaded, *files)).then(|| format!("{rule}, and these are {own} of {all}"))
+        ((loaded_now, all) != (*loaded, *files))
+            .then(|| format!("{rule}, and these are {loaded_now} of {all}"))
     });
     broken.chain(counts).collect()
 }
 
 /// How many files of a format were loaded, refused and broken.
-fn count(found: &[Found], format: &str) -> [usize; 3] {
+fn count(walked: &[WalkedFile], format: &str) -> [usize; 3] {
     let mut counts = [0; 3];
-    for found in found.iter().filter(|found| found.format == format) {
-        counts[match found.outcome {
+    for file in walked.iter().filter(|file| file.format == format) {
+        counts[match file.outcome {
             Outcome::Loaded { .. } => 0,
             Outcome::Refused(_) => 1,
             Outcome::Broken(_) => 2,
@@ -215,7 +216,7 @@ mod tests {
 
     #[test]
     fn broken_files_and_other_counts_are_wrong() {
-        let of = |path: &str, outcome| Found { path: path.into(), format: "ply", outcome };
+        let of = |path: &str, outcome| WalkedFile { path: path.into(), format: "ply", outcome };
         let loaded = || of("a.ply", Outcome::Loaded { faces: 1, notes: Vec::new() });
         let refused = || of("b.ply", Outcome::Refused("b.ply: no".to_owned()));
         let expected = [Expected { format: "ply", loaded: 1, files: 2 }];

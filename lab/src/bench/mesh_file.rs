@@ -36,12 +36,12 @@ pub(crate) enum Look {
 /// As [`load_mesh`].
 pub fn read_mesh(file: &Path) -> Result<MeshFile, SceneError> {
     let name = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
-    Ok(MeshFile::of(name, load_mesh(file)?))
+    Ok(MeshFile::new(name, load_mesh(file)?))
 }
 
 impl MeshFile {
     /// The mesh of a file, moved into a sphere of radius 1.
-    fn of(name: String, loaded: LoadedMesh) -> Self {
+    fn new(name: String, loaded: LoadedMesh) -> Self {
         let LoadedMesh { mesh, positions, colors, coordinates, texture, .. } = loaded;
         let points: Vec<DVec3> = positions
             .data()
@@ -50,17 +50,19 @@ impl MeshFile {
             .iter()
             .map(|&point| Vec3::from_array(point).as_dvec3())
             .collect();
-        let seen = || mesh.faces().as_flattened().iter().map(|&vertex| points[vertex as usize]);
-        let ends = seen().map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+        let corners = || mesh.faces().as_flattened().iter().map(|&vertex| points[vertex as usize]);
+        let ends = corners().map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
         let middle = ends.map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high));
-        let radius = seen().map(|point| point.distance(middle)).fold(0.0, f64::max);
+        let radius = corners().map(|point| point.distance(middle)).fold(0.0, f64::max);
         let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
         let flat: Vec<f64> =
             points.iter().flat_map(|point| (scale * (*point - middle)).to_array()).collect();
         let positions = Tensor::from_flat_fn([points.len(), 3], |k| flat[k]);
         let look = match (texture, coordinates, colors) {
-            (Some(texels), Some(own), _) => Look::Texture(own.rows, own.indices, texels),
-            (_, _, Some(own)) => Look::Colors(own.rows, own.indices),
+            (Some(texels), Some(attribute), _) => {
+                Look::Texture(attribute.rows, attribute.indices, texels)
+            }
+            (_, _, Some(attribute)) => Look::Colors(attribute.rows, attribute.indices),
             _ => Look::Places(by_place(&positions)),
         };
         Self { name, mesh, positions, look }
@@ -95,8 +97,8 @@ impl MeshFile {
         let mut set = |indices: &Mesh, color: &dyn Fn(usize) -> [f32; 3]| {
             let corners = self.mesh.faces().as_flattened().iter();
             for (&vertex, &row) in corners.zip(indices.faces().as_flattened()) {
-                let own = &mut colors[3 * vertex as usize..][..3];
-                own.iter_mut().zip(color(row as usize)).for_each(|(own, x)| *own = f64::from(x));
+                let sum = &mut colors[3 * vertex as usize..][..3];
+                sum.iter_mut().zip(color(row as usize)).for_each(|(sum, x)| *sum = f64::from(x));
             }
         };
         let row = |rows: &Tensor<f32>, k: usize| [0, 1, 2].map(|c| rows.data()[3 * k + c]);
@@ -108,10 +110,10 @@ impl MeshFile {
                 set(indices, &|k| {
                     let [u, v] = [0, 1].map(|c| coordinates.data()[2 * k + c]);
                     // The texture, again and again.
-                    let at = |x: f32, count: usize| {
+                    let texel = |x: f32, count: usize| {
                         ((x.rem_euclid(1.0) * count as f32) as usize).min(count - 1)
                     };
-                    row(texels, at(v, height) * width + at(u, width))
+                    row(texels, texel(v, height) * width + texel(u, width))
                 });
             }
         }
@@ -151,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_mesh_is_moved_into_a_sphere_of_radius_one() {
-        let file = MeshFile::of("a".to_owned(), loaded());
+        let file = MeshFile::new("a".to_owned(), loaded());
         // From -2 to 2 across and 0 to 2 down: the middle is (0, 1), the farthest corner sqrt(5) away.
         let unit = 5.0_f64.sqrt().recip();
         let expected = [0.0, -1.0, 0.0, 2.0, -1.0, 0.0].map(|x| x * unit);
@@ -172,10 +174,10 @@ mod tests {
         let bare = || LoadedMesh { colors: None, ..loaded() };
         let textured =
             LoadedMesh { coordinates: Some(coordinates), texture: Some(texels), ..bare() };
-        let file = MeshFile::of("a".to_owned(), textured);
+        let file = MeshFile::new("a".to_owned(), textured);
         assert_eq!(file.look_name(), "texture, 2 x 1");
         assert_eq!(file.vertex_colors().data()[..6], [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
-        let file = MeshFile::of("a".to_owned(), bare());
+        let file = MeshFile::new("a".to_owned(), bare());
         assert_eq!(file.look_name(), "by place");
         let half = (0.5 * file.positions.data()[3] + 0.5) as f32;
         assert_eq!(file.vertex_colors().data()[3], f64::from(half));

@@ -42,8 +42,8 @@ pub(crate) struct Runner<T: Scalar, S> {
 /// The errors of an output and of the worst gradient, as shares of their largest entries.
 pub(crate) fn errors<T: Scalar>(found: &[Tensor<T>], exact: &[Tensor<f64>]) -> [f64; 2] {
     let mut errors = [0.0_f64; 2];
-    for (at, (found, exact)) in found.iter().zip(exact).enumerate() {
-        let error = &mut errors[at.min(1)];
+    for (index, (found, exact)) in found.iter().zip(exact).enumerate() {
+        let error = &mut errors[index.min(1)];
         *error = error.max(relative_error(found, exact));
     }
     errors
@@ -93,7 +93,7 @@ impl<T: Scalar, S> Runner<T, S> {
         look: impl for<'t> FnOnce(Var<'t, T>, &[Var<'t, T>], Gradients<'t, T>) -> R,
     ) -> Result<(R, Seconds), FitError> {
         let start = Instant::now();
-        let seen = {
+        let results = {
             let inputs: Vec<Var<'_, T>> =
                 self.inputs.iter().map(|input| self.tape.leaf(input)).collect();
             let output = (self.case.record)(surroundings, &inputs)?;
@@ -112,6 +112,6 @@ impl<T: Scalar, S> Runner<T, S> {
         let counted = || counted.clone().filter(|entry| is_composed || self.case.has(entry.name));
         let forward = counted().map(|entry| entry.forward.as_secs_f64()).sum();
         let backward = counted().map(|entry| entry.backward.as_secs_f64()).sum();
-        Ok((seen, Seconds { forward, backward, step }))
+        Ok((results, Seconds { forward, backward, step }))
     }
 }

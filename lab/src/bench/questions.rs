@@ -12,10 +12,10 @@ use crate::bench::studies;
 
 /// The names of all studies.
 pub const STUDIES: [&str; studies::ALL.len()] = {
-    let (mut names, mut at) = ([""; studies::ALL.len()], 0);
-    while at < names.len() {
-        names[at] = studies::ALL[at].0;
-        at += 1;
+    let (mut names, mut index) = ([""; studies::ALL.len()], 0);
+    while index < names.len() {
+        names[index] = studies::ALL[index].0;
+        index += 1;
     }
     names
 };
@@ -35,16 +35,16 @@ pub fn bench(
 ) -> Result<Vec<Section>, FitError> {
     let bench = Bench { peers, meshes, ..Bench::new(effort)? };
     let has_meshes = effort == Effort::Quick || !bench.meshes.is_empty();
-    let mut found = Vec::new();
+    let mut sections = Vec::new();
     let wanted = |name: &str| {
         let is_named = only.is_empty() || only.iter().any(|one| one == name);
         is_named && (has_meshes || name != studies::MESHES)
     };
     for (name, study) in studies::ALL.into_iter().filter(|(name, _)| wanted(name)) {
         on_study(name);
-        found.push(study(&bench)?);
+        sections.push(study(&bench)?);
     }
-    Ok(found)
+    Ok(sections)
 }
 
 /// All tables, as Markdown.
@@ -59,7 +59,7 @@ pub fn markdown(studies: &[Section], effort: Effort) -> String {
 /// Everything found, as one JSON object: the machine, whether the run was quick, and per study its
 /// tables as lists of objects.
 pub fn json(studies: &[Section], effort: Effort) -> Value {
-    let of = |study: &Section| {
+    let described = |study: &Section| {
         let tables: Map<String, Value> =
             study.tables().map(|table| (table.name.to_owned(), rows(table))).collect();
         let failures: Vec<_> = study.failures().collect();
@@ -68,7 +68,7 @@ pub fn json(studies: &[Section], effort: Effort) -> Value {
     json!({
         "machine": Machine::here(),
         "quick": effort == Effort::Quick,
-        "studies": studies.iter().map(of).collect::<Vec<_>>(),
+        "studies": studies.iter().map(described).collect::<Vec<_>>(),
     })
 }
 

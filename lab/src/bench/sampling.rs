@@ -58,14 +58,14 @@ pub(crate) struct Timing {
 
 impl Timing {
     /// Of the times of single samples, of which there is at least one.
-    pub(crate) fn of(mut seconds: Vec<f64>) -> Self {
+    pub(crate) fn from_seconds(mut seconds: Vec<f64>) -> Self {
         seconds.sort_by(f64::total_cmp);
-        let at = |part: f64| seconds[(part * (seconds.len() - 1) as f64).round() as usize];
+        let quantile = |part: f64| seconds[(part * (seconds.len() - 1) as f64).round() as usize];
         Self {
-            minimum: at(0.0),
-            lower_quartile: at(0.25),
-            median: at(0.5),
-            upper_quartile: at(0.75),
+            minimum: quantile(0.0),
+            lower_quartile: quantile(0.25),
+            median: quantile(0.5),
+            upper_quartile: quantile(0.75),
             samples: seconds.len(),
         }
     }
@@ -150,7 +150,7 @@ pub(crate) fn interleaved(
             }
         }
     }
-    all.into_iter().map(|turns| turns.map(|turns| Timing::of(turns.seconds))).collect()
+    all.into_iter().map(|turns| turns.map(|turns| Timing::from_seconds(turns.seconds))).collect()
 }
 
 #[cfg(test)]
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn minimum_median_and_quartiles_are_those_of_the_sorted_samples() {
-        let timing = Timing::of(vec![5.0, 1.0, 3.0, 2.0, 4.0]);
+        let timing = Timing::from_seconds(vec![5.0, 1.0, 3.0, 2.0, 4.0]);
         assert_eq!((timing.minimum, timing.median, timing.samples), (1.0, 3.0, 5));
         assert_eq!((timing.lower_quartile, timing.upper_quartile), (2.0, 4.0));
         assert_eq!(timing.spread(), 2.0 / 3.0);
@@ -173,8 +173,9 @@ mod tests {
 
     #[test]
     fn times_are_equal_where_their_quartiles_meet() {
-        let timing =
-            |middle: f64| Timing::of([-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| x + middle).into());
+        let timing = |middle: f64| {
+            Timing::from_seconds([-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| x + middle).into())
+        };
         assert_eq!(timing(10.0).compare(&timing(12.0)), Ordering::Equal);
         assert_eq!(timing(10.0).compare(&timing(12.5)), Ordering::Less);
         assert_eq!(timing(12.5).compare(&timing(10.0)), Ordering::Greater);

@@ -97,7 +97,7 @@ impl Scene {
     }
 
     /// The same in `pixels` x `pixels`.
-    pub(crate) fn at(&self, pixels: usize) -> Self {
+    pub(crate) fn with_pixels(&self, pixels: usize) -> Self {
         Self { size: Size::square(pixels), ..self.clone() }
     }
 
@@ -221,7 +221,7 @@ mod tests {
         let kurtosis = moment(4) / moment(2).powi(2);
         assert!((2.5..3.5).contains(&kurtosis), "{kurtosis}");
         // The same share of a larger image is the same shift in the world.
-        assert_eq!(jittered, scene.at(1024).jittered(4.0 * 0.3, 0));
+        assert_eq!(jittered, scene.with_pixels(1024).jittered(4.0 * 0.3, 0));
     }
 
     #[test]

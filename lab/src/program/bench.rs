@@ -31,11 +31,11 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
     let effort = arguments.options.effort();
     let mut peers = Vec::new();
     for file in &arguments.peers {
-        let said = |error: io::Error| {
+        let to_failure = |error: io::Error| {
             let file = file.display();
             Failure::Use(format!("--peers needs a file that lab/peers wrote: {file}: {error}"))
         };
-        peers.extend(read_peers(file).map_err(said)?);
+        peers.extend(read_peers(file).map_err(to_failure)?);
     }
     let mut meshes = Vec::new();
     for file in &arguments.mesh {
@@ -50,10 +50,10 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
         bar.set_message(name.to_owned());
         bar.tick();
     };
-    let found = bench(effort, &arguments.only, peers, meshes, on_study).map_err(failed)?;
+    let sections = bench(effort, &arguments.only, peers, meshes, on_study).map_err(failed)?;
     bar.finish_and_clear();
-    let (text, json) = (markdown(&found, effort), json(&found, effort));
-    arguments.options.files.write(&json, &text, |about| page(found, effort, about), writing)
+    let (text, json) = (markdown(&sections, effort), json(&sections, effort));
+    arguments.options.files.write(&json, &text, |about| page(sections, effort, about), writing)
 }
 
 fn left_out(options: &BenchOptions, writing: &Writing) -> Result<(), Failure> {

@@ -26,24 +26,24 @@ impl Files {
     /// Writes `found` as JSON, where that is asked for, while the lock of what is being written is `held`.
     pub(super) fn write_json(
         &self,
-        found: &impl Serialize,
+        results: &impl Serialize,
         _held: &MutexGuard<'_, ()>,
     ) -> Result<(), Failure> {
         let Some(file) = &self.json else { return Ok(()) };
-        say_json(file, &serde_json::to_string(found).map_err(failed)?)
+        say_json(file, &serde_json::to_string(results).map_err(failed)?)
     }
 
     /// Writes `found` as JSON and `page`, where they are asked for. Says `text` and where the page
     /// lies, or nothing for an empty text.
     pub(super) fn write(
         &self,
-        found: &impl Serialize,
+        results: &impl Serialize,
         text: &str,
         page: impl FnOnce(About) -> Document,
         writing: &Writing,
     ) -> Result<(), Failure> {
         let held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-        self.write_json(found, &held)?;
+        self.write_json(results, &held)?;
         let mut report = String::new();
         if let Some(out) = &self.out {
             let page = page(about("bokashi-lab")).render().and_then(|page| page.write(out));

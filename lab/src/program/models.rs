@@ -18,17 +18,18 @@ pub(crate) fn run(
 ) -> Result<(), Failure> {
     // Where standard error is no terminal there is no bar.
     let bar = ProgressBar::new_spinner();
-    let found = walk(&arguments.folder, &mut |path| {
+    let outcomes = walk(&arguments.folder, &mut |path| {
         bar.set_message(path.display().to_string());
         bar.tick();
     });
     bar.finish_and_clear();
-    let found = found.map_err(|error| Failure::Use(format!("models needs a folder: {error}")))?;
-    files.write_json(&found, &writing.lock().unwrap_or_else(PoisonError::into_inner))?;
+    let outcomes =
+        outcomes.map_err(|error| Failure::Use(format!("models needs a folder: {error}")))?;
+    files.write_json(&outcomes, &writing.lock().unwrap_or_else(PoisonError::into_inner))?;
     if !files.is_json_alone() {
-        say(&markdown(&found))?;
+        say(&markdown(&outcomes))?;
     }
-    match wrong(&found, &arguments.expect) {
+    match wrong(&outcomes, &arguments.expect) {
         wrong if wrong.is_empty() => Ok(()),
         wrong => Err(Failure::Work(wrong.join("; "))),
     }

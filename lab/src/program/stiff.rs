@@ -15,13 +15,13 @@ pub(crate) fn run(arguments: &StiffArguments, writing: &Writing) -> Result<(), F
         bar.set_style(style);
     }
     let settings = StudySettings { seeds: arguments.seeds, ..StudySettings::default() };
-    let found = study(&settings, &mut |run, done, count| {
+    let study_done = study(&settings, &mut |run, done, count| {
         bar.set_length(count as u64);
         bar.set_position(done as u64);
         bar.set_message(format!("{}, {}", run.problem, run.optimizer));
     });
     bar.finish_and_clear();
-    let found = found.map_err(failed)?;
-    let text = if arguments.quiet { String::new() } else { markdown(&found) };
-    arguments.files.write(&found.runs, &text, |about| page(&found, about), writing)
+    let study_done = study_done.map_err(failed)?;
+    let text = if arguments.quiet { String::new() } else { markdown(&study_done) };
+    arguments.files.write(&study_done.runs, &text, |about| page(&study_done, about), writing)
 }

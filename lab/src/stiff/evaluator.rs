@@ -167,12 +167,12 @@ impl<'a> Evaluator<'a> {
             state.tape.reset();
             let leaf = state.tape.leaf(&vector(x));
             let loss = problem.record(leaf).map(|r| r.square().sum());
-            let found = loss.ok().and_then(|loss| {
+            let result = loss.ok().and_then(|loss| {
                 let gradient = loss.backward().ok()?.get_or_zeros(leaf).data().to_vec();
                 let all = loss.item().is_finite() && finite("", &gradient).is_ok();
                 all.then(|| (loss.item(), gradient))
             });
-            let (value, gradient) = found.unzip();
+            let (value, gradient) = result.unzip();
             let value = value.unwrap_or(f64::INFINITY);
             state.last = Some((x.to_vec(), value));
             state.last_gradient = gradient.map(|gradient| (x.to_vec(), gradient));
@@ -184,7 +184,8 @@ impl<'a> Evaluator<'a> {
     /// The gradient at `x`.
     pub(crate) fn gradient(&self, x: &[f64]) -> Result<Vec<f64>, Halt> {
         self.with(|state, problem| {
-            if let Some((_, gradient)) = state.last_gradient.as_ref().filter(|(at, _)| at == x) {
+            if let Some((_, gradient)) = state.last_gradient.as_ref().filter(|(last, _)| last == x)
+            {
                 let gradient = gradient.clone();
                 return state.repeat().map(|()| gradient);
             }
@@ -210,11 +211,12 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(2 * x.len() as u64)?;
             state.ledger.counts.jacobians += 1;
-            let at = Tensor::from_flat_fn([x.len()], |k| x[k]);
+            let point = Tensor::from_flat_fn([x.len()], |k| x[k]);
             let mut columns = Vec::with_capacity(x.len());
             for j in 0..x.len() {
                 let unit = Tensor::from_flat_fn([x.len()], |k| if k == j { 1.0 } else { 0.0 });
-                let column = jvp(&mut state.dual, &[(&at, &unit)], |x| problem.record_dual(x[0]));
+                let column =
+                    jvp(&mut state.dual, &[(&point, &unit)], |x| problem.record_dual(x[0]));
                 let [_, column] = column.map_err(broken)?;
                 columns.push(DVector::from_column_slice(column.data()));
             }
@@ -229,8 +231,9 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(4)?;
             state.ledger.counts.hessian_products += 1;
-            let [at, along] = [x, v].map(|entries| Tensor::from_flat_fn([x.len()], |k| entries[k]));
-            let products = hvp(&mut state.dual, &[(&at, &along)], |x| {
+            let [point, along] =
+                [x, v].map(|entries| Tensor::from_flat_fn([x.len()], |k| entries[k]));
+            let products = hvp(&mut state.dual, &[(&point, &along)], |x| {
                 Ok(problem.record_dual(x[0])?.square().sum())
             });
             let product = products.map_err(broken)?[0][1].data().to_vec();

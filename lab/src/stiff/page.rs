@@ -37,8 +37,8 @@ pub fn markdown(study: &Study) -> String {
 }
 
 fn sections(study: &Study) -> Vec<Section> {
-    let of = |family| solvers(study.runs.iter().filter(move |run| run.family == family));
-    let (known, ours) = (of(Family::Literature), of(Family::Scene));
+    let solvers_of = |family| solvers(study.runs.iter().filter(move |run| run.family == family));
+    let (known, ours) = (solvers_of(Family::Literature), solvers_of(Family::Scene));
     let mut shares = Section::new(
         "profiles",
         "Who solves how much",
@@ -82,8 +82,8 @@ fn sections(study: &Study) -> Vec<Section> {
 }
 
 fn legend(solvers: &[Solver<'_>]) -> Vec<(String, &'static str, Stroke)> {
-    let line = |(at, solver): (usize, &Solver<'_>)| {
-        (solver.optimizer.to_owned(), PALETTE[at % PALETTE.len()], Stroke::Solid)
+    let line = |(index, solver): (usize, &Solver<'_>)| {
+        (solver.optimizer.to_owned(), PALETTE[index % PALETTE.len()], Stroke::Solid)
     };
     solvers.iter().enumerate().map(line).collect()
 }
@@ -97,13 +97,13 @@ fn error_panels(solvers: &[Solver<'_>], problem: usize) -> [Figure; 2] {
     let name = name.unwrap_or_default();
     let costs = [(Scale::Seconds, "wall-clock time"), (Scale::Counts, "gradient evaluations")];
     costs.map(|x| {
-        let curves = solvers.iter().enumerate().filter_map(|(at, solver)| {
+        let curves = solvers.iter().enumerate().filter_map(|(index, solver)| {
             let points = solver.runs.get(problem)?.history.iter().map(|moment| {
                 let by_time = x.0 == Scale::Seconds;
                 let spent = if by_time { moment.seconds } else { moment.gradient_evaluations };
                 (spent, moment.error)
             });
-            Some(Curve::line(at, Stroke::Solid, points))
+            Some(Curve::line(index, Stroke::Solid, points))
         });
         Figure::new(&*name, x, Scale::Logarithmic, curves)
     })
@@ -128,7 +128,8 @@ fn profile_panels(solvers: &[Solver<'_>], cost: Cost) -> [Figure; LEVELS_SHOWN.l
     LEVELS_SHOWN.map(|level| {
         let all = profiles(solvers, level, cost);
         let curves = all.into_iter().enumerate();
-        let curves = curves.map(|(at, steps)| Curve::line(at, Stroke::Solid, staircase(&steps)));
+        let curves =
+            curves.map(|(index, steps)| Curve::line(index, Stroke::Solid, staircase(&steps)));
         let title = format!("Share solved to 1e-{level}");
         Figure::new(title, (Scale::Logarithmic, x_title), Scale::Linear, curves)
     })

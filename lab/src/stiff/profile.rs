@@ -26,7 +26,7 @@ pub enum Cost {
 }
 
 impl Cost {
-    fn of(self, moment: Moment) -> f64 {
+    fn value_of(self, moment: Moment) -> f64 {
         match self {
             Self::Seconds => moment.seconds,
             Self::Gradients => moment.gradient_evaluations,
@@ -50,8 +50,8 @@ pub fn solvers<'a>(runs: impl IntoIterator<Item = &'a Run>) -> Vec<Solver<'a>> {
     let mut problems: Vec<(&str, u64)> = Vec::new();
     let mut best: BTreeMap<(usize, usize), &Run> = BTreeMap::new();
     for run in runs {
-        let solver = place(&mut names, run.optimizer);
-        let problem = place(&mut problems, (run.problem.as_str(), run.seed));
+        let solver = index_in(&mut names, run.optimizer);
+        let problem = index_in(&mut problems, (run.problem.as_str(), run.seed));
         let held = best.entry((solver, problem)).or_insert(run);
         if better(run, held) {
             *held = run;
@@ -65,7 +65,7 @@ pub fn solvers<'a>(runs: impl IntoIterator<Item = &'a Run>) -> Vec<Solver<'a>> {
 }
 
 /// The index of `one`, which is added where it is new.
-fn place<T: PartialEq>(all: &mut Vec<T>, one: T) -> usize {
+fn index_in<T: PartialEq>(all: &mut Vec<T>, one: T) -> usize {
     all.iter().position(|known| *known == one).unwrap_or_else(|| {
         all.push(one);
         all.len() - 1
@@ -94,7 +94,7 @@ pub fn profiles(solvers: &[Solver<'_>], level: usize, cost: Cost) -> Vec<Vec<[f6
     let problems = solvers.iter().map(|solver| solver.runs.len()).max().unwrap_or(0);
     let spent = |solver: &Solver<'_>, problem: usize| -> f64 {
         let reached = solver.runs.get(problem).and_then(|run| run.reached[level - 1]);
-        reached.map_or(f64::INFINITY, |moment| cost.of(moment))
+        reached.map_or(f64::INFINITY, |moment| cost.value_of(moment))
     };
     let least: Vec<f64> = (0..problems)
         .map(|p| solvers.iter().map(|solver| spent(solver, p)).fold(f64::INFINITY, f64::min))

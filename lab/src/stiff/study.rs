@@ -124,8 +124,10 @@ pub fn study(
     }
     for seed in 0..settings.seeds {
         for (name, scene_settings) in conditioned(seed) {
-            let found = conditioning(&scene(scene_settings)?, seed).map_err(FitError::operation)?;
-            let named = found.into_iter().map(|one| Conditioning { problem: name.clone(), ..one });
+            let conditionings =
+                conditioning(&scene(scene_settings)?, seed).map_err(FitError::operation)?;
+            let named =
+                conditionings.into_iter().map(|one| Conditioning { problem: name.clone(), ..one });
             study.conditionings.extend(named);
         }
     }

@@ -49,12 +49,12 @@ pub(super) fn problem_table(solvers: &[Solver<'_>]) -> Table {
     let columns = std::iter::once(("problem", "problem")).chain(optimizers);
     let mut table = Table::new("", title, &columns.collect::<Vec<_>>());
     let runs = solvers.first().map_or(&[][..], |solver| &solver.runs);
-    for (at, one) in runs.iter().enumerate() {
+    for (index, one) in runs.iter().enumerate() {
         let alike = runs.iter().filter(|run| run.problem == one.problem).count();
         let seed = if alike > 1 { format!(" #{}", one.seed) } else { String::new() };
         let errors = solvers
             .iter()
-            .map(|solver| solver.runs.get(at).map_or(Cell::Nothing, |run| error(run)));
+            .map(|solver| solver.runs.get(index).map_or(Cell::Nothing, |run| error(run)));
         let name = Cell::text(format!("{}{seed}", one.problem));
         table.push(std::iter::once(name).chain(errors).collect());
     }
@@ -102,19 +102,19 @@ pub(super) fn condition_table(study: &Study) -> Table {
             ("scaled", "condition_scaled_at_truth"),
         ],
     );
-    let several = study.conditionings.iter().any(|found| found.seed > 0);
-    for start in study.conditionings.iter().filter(|found| found.at == "start") {
+    let several = study.conditionings.iter().any(|conditioning| conditioning.seed > 0);
+    for start in study.conditionings.iter().filter(|conditioning| conditioning.at == "start") {
         // A block of one number has nothing to be conditioned by.
         if start.parameters == 1 {
             continue;
         }
-        let truth = study.conditionings.iter().find(|found| {
-            found.at != "start"
-                && (&found.problem, found.seed, found.block)
+        let truth = study.conditionings.iter().find(|conditioning| {
+            conditioning.at != "start"
+                && (&conditioning.problem, conditioning.seed, conditioning.block)
                     == (&start.problem, start.seed, start.block)
         });
         let seed = if several { format!(" #{}", start.seed) } else { String::new() };
-        let null = |found: &Conditioning| Cell::Count(found.null_directions);
+        let null = |conditioning: &Conditioning| Cell::Count(conditioning.null_directions);
         table.push(vec![
             Cell::text(format!("{}{seed}", start.problem)),
             Cell::text(start.block),

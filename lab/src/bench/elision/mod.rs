@@ -69,10 +69,10 @@ pub fn elision(effort: Effort) -> Result<Vec<Row>, FitError> {
         left_out.retain(|one| !with.named.contains(one));
         let missing = with.operations.iter().filter(|name| !without.operations.contains(name));
         left_out.extend(missing.map(|name| format!("{name}: not recorded")));
-        let both = without.results.iter().filter_map(|(name, found)| {
+        let both = without.results.iter().filter_map(|(name, result)| {
             let (_, other) = with.results.iter().find(|(other, _)| other == name)?;
             // The gradients of the walls' vertices are of different vertices.
-            (found.shape() == other.shape()).then(|| (*name, same_bits(found, other)))
+            (result.shape() == other.shape()).then(|| (*name, same_bits(result, other)))
         });
         let results = both.collect();
         let mut contestants = [contestant(&computed, &bench), contestant(&left, &bench)];

@@ -110,8 +110,8 @@ fn walls(pixels: usize) -> Result<[Scene; 2], FitError> {
     let mut shared = Vec::new();
     for k in 0..side * side {
         // A plane through the object's origin that faces the camera, larger than the view.
-        let place = |at: usize| 4.0 * at as f64 / QUADS as f64 - 2.0;
-        shared.push([place(k % side), place(k / side)]);
+        let coordinate = |index: usize| 4.0 * index as f64 / QUADS as f64 - 2.0;
+        shared.push([coordinate(k % side), coordinate(k / side)]);
     }
     let mut faces = Vec::new();
     for k in (0..QUADS * side).filter(|k| k % side < QUADS) {
@@ -140,6 +140,7 @@ fn walls(pixels: usize) -> Result<[Scene; 2], FitError> {
         })
     };
     let apart = faces.iter().flatten().map(|&vertex| shared[vertex as usize]).collect();
-    let own = (0..faces.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
-    Ok([scene("torn wall", own, apart)?, scene("whole wall", faces, shared)?])
+    let apart_faces =
+        (0..faces.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+    Ok([scene("torn wall", apart_faces, apart)?, scene("whole wall", faces, shared)?])
 }

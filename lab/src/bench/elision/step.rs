@@ -175,9 +175,11 @@ impl Step {
         };
         let fragments = &layers[0];
         let light = leaf(self.learns_light, &start.light);
-        let texels = leaf(self.texture.is_some_and(|of| of.learns_texels), &start.texels);
-        let coordinates =
-            leaf(self.texture.is_some_and(|of| of.learns_coordinates), &start.coordinates);
+        let texels = leaf(self.texture.is_some_and(|texture| texture.learns_texels), &start.texels);
+        let coordinates = leaf(
+            self.texture.is_some_and(|texture| texture.learns_coordinates),
+            &start.coordinates,
+        );
         let mut surface = match self.texture {
             None => interpolate(colors, fragments)?,
             Some(texture) => self.sampled(texture, [texels, coordinates], fragments)?,
@@ -243,10 +245,14 @@ impl Step {
             ("gradient of colours", self.learns_colors, colors),
             ("gradient of sigma", self.learns_sigma, sigma),
             ("gradient of the light", self.learns_light, light),
-            ("gradient of texels", self.texture.is_some_and(|of| of.learns_texels), texels),
+            (
+                "gradient of texels",
+                self.texture.is_some_and(|texture| texture.learns_texels),
+                texels,
+            ),
             (
                 "gradient of coordinates",
-                self.texture.is_some_and(|of| of.learns_coordinates),
+                self.texture.is_some_and(|texture| texture.learns_coordinates),
                 coordinates,
             ),
         ];

@@ -92,8 +92,8 @@ impl Masks {
             let positions = tape.leaf(positions);
             let mut loss: Option<Var<'_, f32>> = None;
             for (camera, reference) in cameras.iter().zip(references) {
-                let own = mask(scene, *options, camera, positions)?.loss(reference)?;
-                loss = Some(loss.map_or(own, |sum| sum + own));
+                let term = mask(scene, *options, camera, positions)?.loss(reference)?;
+                loss = Some(loss.map_or(term, |sum| sum + term));
             }
             loss.expect("there is a view").backward()?.get_or_zeros(positions)
         };
@@ -184,8 +184,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     for faces in SMOOTH_FACES {
         for pixels in &SMOOTH_PIXELS[..bench.effort.choose(1, SMOOTH_PIXELS.len())] {
             let scene = Scene::sphere_of(faces, *pixels)?;
-            let at = |radius: f64| Ok::<_, FitError>(area(&scene, Sampling::Exact, radius)?[0]);
-            let truth = (at(1.0 + STEP)? - at(1.0 - STEP)?) / (2.0 * STEP);
+            let area_at =
+                |radius: f64| Ok::<_, FitError>(area(&scene, Sampling::Exact, radius)?[0]);
+            let truth = (area_at(1.0 + STEP)? - area_at(1.0 - STEP)?) / (2.0 * STEP);
             let mut cells = vec![Cell::Count(scene.mesh.faces().len()), Cell::Count(*pixels)];
             for sampling in WAYS {
                 cells.push(Cell::number(100.0 * area(&scene, sampling, 1.0)?[1] / truth));

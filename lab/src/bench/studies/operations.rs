@@ -17,14 +17,14 @@ use crate::bench::operation::{Case, Runner, errors};
 use crate::bench::sampling::Timing;
 use crate::bench::setting::Bench;
 
-macro_rules! rooms {
-    ($($room:ident: $($name:ident)*;)*) => {
-        &[$($((stringify!($room), stringify!($name))),*),*]
+macro_rules! with_folders {
+    ($($folder:ident: $($name:ident)*;)*) => {
+        &[$($((stringify!($folder), stringify!($name))),*),*]
     };
 }
 
-/// The room and the name of each entry.
-const ROOMS: &[(&str, &str)] = for_each_operation!(rooms);
+/// The folder and the name of each entry.
+const NAMES_OF_ENTRIES: &[(&str, &str)] = for_each_operation!(with_folders);
 
 /// What an operation of the catalogue refuses.
 #[derive(Debug, thiserror::Error)]
@@ -72,30 +72,30 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     );
     let setting = Setting::new(pixels).map_err(|refusal| FitError::operation(Refused(refusal)))?;
     let setting = Arc::new(setting);
-    let benchmarks = ROOMS.iter().zip(ENTRIES).flat_map(|((room, _), entry)| {
+    let benchmarks = NAMES_OF_ENTRIES.iter().zip(ENTRIES).flat_map(|((folder, _), entry)| {
         let benchmarks = entry().benchmarks().to_vec();
-        benchmarks.into_iter().map(move |benchmark| (*room, benchmark))
+        benchmarks.into_iter().map(move |benchmark| (*folder, benchmark))
     });
-    for (room, benchmark) in benchmarks {
+    for (folder, benchmark) in benchmarks {
         let (label, case) = (benchmark.label(), benchmark.case(&setting));
         let (mut single, mut double) =
             (runner::<f32>(benchmark, &case), runner::<f64>(benchmark, &case));
         let mut sample = || {
-            let (found, exact) = (single.results(&case)?, double.results(&case)?);
+            let (results, exact) = (single.results(&case)?, double.results(&case)?);
             let entries = exact.iter().map(Tensor::size).max().unwrap_or(1);
             let mut seconds = [Vec::new(), Vec::new()];
             for _ in 0..samples {
                 seconds[0].push(single.step(&case)?.both());
                 seconds[1].push(double.step(&case)?.both());
             }
-            Ok::<_, FitError>((errors(&found, &exact), seconds, entries))
+            Ok::<_, FitError>((errors(&results, &exact), seconds, entries))
         };
         let Some((errors, seconds, entries)) = study.noted(label, bench.one().install(&mut sample))
         else {
             continue;
         };
-        let [single, double] = seconds.map(Timing::of);
-        let is_per_entry = room != "rendering" && setting.pixels() <= entries;
+        let [single, double] = seconds.map(Timing::from_seconds);
+        let is_per_entry = folder != "rendering" && setting.pixels() <= entries;
         let count = if is_per_entry { entries } else { setting.pixels() } as f64;
         table.push(vec![
             Cell::text(label),

@@ -45,10 +45,10 @@ fn ways(pools: usize) -> Vec<Way> {
         ("f64", Cull::Back, Compared::Picture),
         ("f64", Cull::None, Compared::Picture),
     ];
-    let of = |(precision, cull, compared)| {
+    let rows_of = |(precision, cull, compared)| {
         (0..pools).map(move |pool| Way { precision, cull, compared, pool })
     };
-    kinds.into_iter().flat_map(of).collect()
+    kinds.into_iter().flat_map(rows_of).collect()
 }
 
 impl Way {
@@ -57,7 +57,7 @@ impl Way {
         scene: &Scene,
         pool: &'a ThreadPool,
     ) -> Result<Contestant<'a>, FitError> {
-        fn of<'a, T: Scalar>(
+        fn measure_with<'a, T: Scalar>(
             way: Way,
             scene: &Scene,
             pool: &'a ThreadPool,
@@ -65,8 +65,8 @@ impl Way {
             Ok(contestant(Learner::<T>::new(scene, way.cull, way.compared)?, pool))
         }
         match self.precision {
-            "f32" => of::<f32>(self, scene, pool),
-            _ => of::<f64>(self, scene, pool),
+            "f32" => measure_with::<f32>(self, scene, pool),
+            _ => measure_with::<f64>(self, scene, pool),
         }
     }
 }
@@ -159,13 +159,13 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             ]);
         }
         let deodr = deodr(bench, &scene.name);
-        let of = |precision, cull, compared, pool| {
+        let measured = |precision, cull, compared, pool| {
             let wanted = Way { precision, cull, compared, pool };
             minima.iter().find(|(way, _)| *way == wanted).map(|(_, timing)| timing)
         };
-        let usual = |pool| of("f32", Cull::Back, Compared::Picture, pool);
+        let usual = |pool| measured("f32", Cull::Back, Compared::Picture, pool);
         let cell = |precision, cull, compared, pool| {
-            let timing = of(precision, cull, compared, pool);
+            let timing = measured(precision, cull, compared, pool);
             timing.map_or(Cell::Nothing, |timing| timing.cell(1e3 * timing.minimum))
         };
         let times = |pool| {
@@ -188,8 +188,8 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             cell("f64", Cull::Back, Compared::Picture, 1),
         ]);
         if scene.name.starts_with("cube") {
-            let mut point = |at: usize, [low, middle, high]: [f64; 3]| {
-                cube[at].push([scene.size.width as f64, low, middle, high]);
+            let mut point = |index: usize, [low, middle, high]: [f64; 3]| {
+                cube[index].push([scene.size.width as f64, low, middle, high]);
             };
             for pool in 0..bench.pools.len() {
                 if let Some(t) = usual(pool) {
@@ -204,7 +204,7 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let names = (0..bench.pools.len()).map(|pool| format!("f32, threads: {}", pool + 1));
     let names: Vec<String> = names.chain(["DEODR".to_owned()]).collect();
     let legend =
-        names.iter().enumerate().map(|(at, name)| (name.clone(), PALETTE[at], Stroke::Solid));
+        names.iter().enumerate().map(|(index, name)| (name.clone(), PALETTE[index], Stroke::Solid));
     let curves = cube.into_iter().enumerate();
     let curves = curves.map(|(color, points)| Curve::new(color, Stroke::Solid, points).with_dots());
     let title = "The cube: time per step; bands: to the upper quartile";
@@ -219,7 +219,7 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
 fn deodr(bench: &Bench, name: &str) -> Option<f64> {
     let mut here = bench.peers_of("scenes").filter(|peer| peer.name == "DEODR");
     let here = here.find(|peer| peer.scene.as_deref() == Some(name));
-    let there = || DEODR_MILLISECONDS.iter().find(|(scene, _)| *scene == name).map(|found| found.1);
+    let there = || DEODR_MILLISECONDS.iter().find(|(scene, _)| *scene == name).map(|row| row.1);
     match here {
         Some(peer) => Some(1e-3 * peer.minimum_microseconds),
         None => there(),

@@ -50,12 +50,12 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
     };
     let count = pixels * pixels;
     // As far across the image as down, from 0 to 1, and exact in f32.
-    let at = |k: usize| [k % pixels, k / pixels].map(|k| k as f64 / pixels as f64);
+    let position = |k: usize| [k % pixels, k / pixels].map(|k| k as f64 / pixels as f64);
     let rows = |entry: fn([f64; 2]) -> [f64; 3]| {
-        Tensor::from_fn([count, 3], |[k, c]| f64::from(entry(at(k))[c] as f32))
+        Tensor::from_fn([count, 3], |[k, c]| f64::from(entry(position(k))[c] as f32))
     };
     let numbers = |entry: fn([f64; 2]) -> f64| {
-        Tensor::from_flat_fn([count], |k| f64::from(entry(at(k)) as f32))
+        Tensor::from_flat_fn([count], |k| f64::from(entry(position(k)) as f32))
     };
     let mut state = 1_u64;
     let mut uniform = |low: f64, high: f64| {
@@ -98,15 +98,15 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
         Ok(shade(&surface, &material, &[light])?)
     });
     let image = Tensor::from_flat_fn([pixels, pixels, 3], |_| uniform(0.0, 1.0));
-    let distances = Tensor::from_flat_fn([pixels, pixels], |k| 1.0 + 4.0 * at(k)[1]);
+    let distances = Tensor::from_flat_fn([pixels, pixels], |k| 1.0 + 4.0 * position(k)[1]);
     add("gaussian_blur, sigma 6", &[&image, &Tensor::scalar(APERTURE)], |_, v| {
         let options = Blur { radius: Radius::Tolerance(1e-2), ..Blur::default() };
         Ok(gaussian_blur(v[0], v[1], &options)?)
     });
     let lens = [Tensor::scalar(APERTURE), Tensor::scalar(2.0)];
-    let seen = [&image, &distances, &lens[0], &lens[1]];
-    add("depth_of_field, aperture 6, tolerance 1e-2", &seen, |_, v| through_lens(v, 1e-2));
-    add("depth_of_field, aperture 6, tolerance 1e-3", &seen, |_, v| through_lens(v, 1e-3));
+    let inputs = [&image, &distances, &lens[0], &lens[1]];
+    add("depth_of_field, aperture 6, tolerance 1e-2", &inputs, |_, v| through_lens(v, 1e-2));
+    add("depth_of_field, aperture 6, tolerance 1e-3", &inputs, |_, v| through_lens(v, 1e-3));
     all
 }
 
@@ -146,7 +146,7 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
         let (mut single, mut double) = (Runner::new(single), Runner::new(double));
         let exact = bench.widest().install(|| double.results(&()));
         drop(double);
-        let found = exact.and_then(|exact| {
+        let measured = exact.and_then(|exact| {
             let errors = errors(&single.results(&())?, &exact);
             let mut seconds = vec![[const { Vec::new() }; 3]; bench.pools.len()];
             for _ in 0..samples {
@@ -159,9 +159,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             }
             Ok((errors, seconds))
         });
-        let Some((errors, seconds)) = study.noted(label, found) else { continue };
+        let Some((errors, seconds)) = study.noted(label, measured) else { continue };
         for (pool, seconds) in bench.pools.iter().zip(seconds) {
-            let [forward, both, step] = seconds.map(Timing::of);
+            let [forward, both, step] = seconds.map(Timing::from_seconds);
             table.push(vec![
                 Cell::text(label),
                 Cell::Count(pool.current_num_threads()),
@@ -175,11 +175,11 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
         }
     }
     for name in bench.peer_names("surfaces") {
-        let of = |passes: &str| {
-            let mut own = bench.peers_of("surfaces").filter(|peer| peer.name == name);
-            own.find(|peer| peer.scene.as_deref() == Some(passes))
+        let peer_of = |passes: &str| {
+            let mut peers = bench.peers_of("surfaces").filter(|peer| peer.name == name);
+            peers.find(|peer| peer.scene.as_deref() == Some(passes))
         };
-        let (forward, both) = (of("forward"), of("forward and backward"));
+        let (forward, both) = (peer_of("forward"), peer_of("forward and backward"));
         let milliseconds = |microseconds: Option<f64>| Cell::maybe(microseconds.map(|t| 1e-3 * t));
         table.push(vec![
             Cell::text(name),
@@ -253,14 +253,14 @@ fn side_by_side(bench: &Bench, study: &mut Section) -> Result<Table, FitError> {
         contestants.push(Contestant::new(pool, move || fit.step(&mut pipeline).map(drop)));
     }
     let timings = interleaved(&mut contestants, bench.effort, USUAL);
-    for ((pool, timing), own) in bench.pools.iter().zip(timings).zip(&learnt) {
+    for ((pool, timing), learnt_here) in bench.pools.iter().zip(timings).zip(&learnt) {
         let Some(timing) = study.noted(&scene.name, timing) else { continue };
         table.push(vec![
             Cell::text(&scene.name),
             Cell::Count(pool.current_num_threads()),
             timing.cell(1e3 * timing.minimum),
             timing.cell(1e3 * timing.median),
-            Cell::text(if *own == learnt[0] { "yes" } else { "NO" }),
+            Cell::text(if *learnt_here == learnt[0] { "yes" } else { "NO" }),
         ]);
     }
     Ok(table)

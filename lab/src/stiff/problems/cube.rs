@@ -34,7 +34,7 @@ impl SigmaAs {
     pub const ALL: [Self; 3] = [Self::Sigma, Self::Logarithm, Self::Variance];
 
     /// The number for `sigma`.
-    fn of(self, sigma: f64) -> f64 {
+    fn parameter_for(self, sigma: f64) -> f64 {
         match self {
             Self::Sigma => sigma,
             Self::Logarithm => sigma.ln(),
@@ -126,7 +126,7 @@ impl SceneSettings {
             x.extend_from_slice(cube.colors.data());
         }
         if self.learns_sigma() {
-            x.push(self.sigma_as.of(sigma));
+            x.push(self.sigma_as.parameter_for(sigma));
         }
         x
     }

@@ -23,9 +23,9 @@ pub(super) fn agrees<const N: usize>(problems: &[Problem], oracle: [Oracle; N]) 
         }
         if let Some(known) = problem.minimiser() {
             // As many digits as the minimiser is known to.
-            let (at, least) = (objective(known), problem.least());
+            let (value, least) = (objective(known), problem.least());
             let scale = objective(&start) - least;
-            assert!((at - least).abs() <= 1e-9 * scale, "{name} {at} {least}");
+            assert!((value - least).abs() <= 1e-9 * scale, "{name} {value} {least}");
         }
         if let (Some(ours), Some(theirs)) = (problem.minimiser(), minimiser) {
             for (ours, theirs) in ours.iter().zip(&theirs) {
@@ -44,12 +44,12 @@ fn gradient_agrees(problem: &Problem, objective: fn(&[f64]) -> f64, x: &[f64]) {
     let loss = problem.record(leaf).unwrap().square().sum();
     let gradient = loss.backward().unwrap().get_or_zeros(leaf);
     let quotient = |k: usize, h: f64| {
-        let at = |step: f64| {
+        let value_at = |step: f64| {
             let mut moved = x.to_vec();
             moved[k] += step;
             objective(&moved)
         };
-        (at(h) - at(-h)) / (2.0 * h)
+        (value_at(h) - value_at(-h)) / (2.0 * h)
     };
     for k in 0..x.len() {
         let h = 6e-6 * x[k].abs().max(1e-2);

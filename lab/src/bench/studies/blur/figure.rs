@@ -25,11 +25,11 @@ pub(super) struct Line {
 
 /// The figure of one quantity.
 pub(super) fn panel(lines: &[Line], quantity: Quantity, points: &[Point]) -> Figure {
-    let place = |point: &Point| (point.seconds_per_pixel, point.error);
+    let position = |point: &Point| (point.seconds_per_pixel, point.error);
     let mut curves = Vec::new();
-    for (at, &Line { color, stroke, .. }) in lines.iter().enumerate() {
+    for (index, &Line { color, stroke, .. }) in lines.iter().enumerate() {
         let mut points: Vec<_> =
-            points.iter().filter(|point| point.line == at).map(place).collect();
+            points.iter().filter(|point| point.line == index).map(position).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         curves.push(Curve::line(color, stroke, points).with_dots());
     }

@@ -102,7 +102,7 @@ impl Input {
         quantity: Quantity,
     ) -> Result<Results<T>, FitError> {
         let (image, upstream) = (self.image.cast(), self.upstream.cast());
-        let keep = |found: [Option<&Tensor<T>>; 3]| found.map(Option::<&Tensor<T>>::cloned);
+        let keep = |results: [Option<&Tensor<T>>; 3]| results.map(Option::<&Tensor<T>>::cloned);
         run(&mut Tape::<T>::new(), [&image, &upstream], self.sigma, blur, quantity, keep)
     }
 
@@ -117,8 +117,8 @@ impl Input {
         let mut tape = Tape::<T>::new();
         Contestant::new(pool, move || {
             // Not kept: what is held cannot be written over by the next blur.
-            let look = |found: [Option<&Tensor<T>>; 3]| {
-                black_box(found);
+            let look = |results: [Option<&Tensor<T>>; 3]| {
+                black_box(results);
             };
             run(&mut tape, [&image, &upstream], sigma, &blur, quantity, look)
         })
@@ -132,12 +132,12 @@ impl Input {
         quantity: Quantity,
         exact: &Results<f64>,
     ) -> Result<[Option<f64>; 3], FitError> {
-        fn of<T: Scalar>(found: Results<T>, exact: &Results<f64>) -> [Option<f64>; 3] {
-            std::array::from_fn(|at| Some(relative_error(found[at].as_ref()?, exact[at].as_ref()?)))
+        fn errors_of<T: Scalar>(results: Results<T>, exact: &Results<f64>) -> [Option<f64>; 3] {
+            std::array::from_fn(|k| Some(relative_error(results[k].as_ref()?, exact[k].as_ref()?)))
         }
         Ok(match algorithm.is_double {
-            true => of(self.results::<f64>(blur, quantity)?, exact),
-            false => of(self.results::<f32>(blur, quantity)?, exact),
+            true => errors_of(self.results::<f64>(blur, quantity)?, exact),
+            false => errors_of(self.results::<f32>(blur, quantity)?, exact),
         })
     }
 

@@ -127,9 +127,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
 
 /// A row: the sampled kernel in f32 at the first two tolerances, then the libraries.
 fn beside_libraries(points: &[Point], lines: &[Line], pixels: usize, sigma: f64) -> Vec<Cell> {
-    let named = |name: &str, at: usize| {
+    let named = |name: &str, index: usize| {
         let line = lines.iter().position(|line| line.name.starts_with(name));
-        points.iter().filter(|point| Some(point.line) == line).nth(at)
+        points.iter().filter(|point| Some(point.line) == line).nth(index)
     };
     let all = [named(ALGORITHMS[0].name, 0), named(ALGORITHMS[0].name, 1)];
     let all = all.into_iter().chain(["imageproc", "libblur"].map(|name| named(name, 0)));
@@ -149,9 +149,9 @@ fn lines(peers: &[String]) -> Vec<Line> {
         stroke: one.stroke(),
     });
     let free = 1 + ALGORITHMS.iter().map(|one| one.color).max().unwrap_or(0);
-    let theirs = peers.iter().enumerate().map(|(at, peer)| Line {
+    let theirs = peers.iter().enumerate().map(|(index, peer)| Line {
         name: format!("{peer}, forward alone"),
-        color: free + at % (FRONT - free),
+        color: free + index % (FRONT - free),
         stroke: Stroke::Solid,
     });
     ours.chain(theirs).collect()
@@ -182,8 +182,8 @@ impl Rivals<'_> {
         let double = pixels <= SMALL;
         let taking_part = ALGORITHMS.iter().enumerate();
         for (line, algorithm) in taking_part.filter(|(_, one)| double || !one.is_double) {
-            let own = references.iter().find(|(kernel, _)| *kernel == algorithm.kernel);
-            let (_, exact) = own.expect("each kernel has a reference");
+            let reference = references.iter().find(|(kernel, _)| *kernel == algorithm.kernel);
+            let (_, exact) = reference.expect("each kernel has a reference");
             for tolerance in TOLERANCES {
                 let blur = algorithm.blur(tolerance, sigma)?;
                 let error = || input.error(algorithm, &blur, quantity, exact);

@@ -38,8 +38,9 @@ fn candidate(input: &Input, algorithm: &Algorithm) -> Result<Candidate, FitError
     let mut last = None;
     for tolerance in TOLERANCES {
         let blur = algorithm.blur(tolerance, input.sigma)?;
-        let of = |quantity| input.errors(algorithm, &blur, quantity, &exact);
-        let ([values, ..], [_, image, sigma]) = (of(Quantity::Values)?, of(Quantity::Both)?);
+        let errors = |quantity| input.errors(algorithm, &blur, quantity, &exact);
+        let ([values, ..], [_, image, sigma]) =
+            (errors(Quantity::Values)?, errors(Quantity::Both)?);
         let errors = [values, image, sigma].map(|error| error.unwrap_or(f64::INFINITY));
         let is_within = errors.iter().all(|&error| error <= ERROR);
         last = Some(Candidate { tolerance, blur, errors });
@@ -83,16 +84,17 @@ pub(super) fn targets(bench: &Bench, study: &mut Section) -> Result<Table, FitEr
     for &(pixels, sigma, threads, torch) in &TARGETS[..bench.effort.choose(1, TARGETS.len())] {
         let input = Input::new(pixels, sigma)?;
         let pool: &ThreadPool = if threads == 1 { bench.one() } else { bench.widest() };
-        let mut found = Vec::new();
+        let mut chosen = Vec::new();
         for algorithm in USED {
             let candidate = bench.widest().install(|| candidate(&input, algorithm))?;
-            found.push((algorithm, candidate));
+            chosen.push((algorithm, candidate));
         }
-        let contestant =
-            |(_, found): &(_, Candidate)| input.contestant::<f32>(found.blur, Quantity::Both, pool);
-        let mut contestants: Vec<_> = found.iter().map(contestant).collect();
+        let contestant = |(_, chosen): &(_, Candidate)| {
+            input.contestant::<f32>(chosen.blur, Quantity::Both, pool)
+        };
+        let mut contestants: Vec<_> = chosen.iter().map(contestant).collect();
         let timings = interleaved(&mut contestants, bench.effort, USUAL);
-        for ((algorithm, candidate), timing) in found.iter().zip(timings) {
+        for ((algorithm, candidate), timing) in chosen.iter().zip(timings) {
             let what = format!("{}, {pixels} px, sigma {sigma}", algorithm.name);
             let Some(timing) = study.noted(&what, timing) else { continue };
             let mut row = vec![

@@ -19,7 +19,7 @@ pub(super) const TIMES: usize = 4;
 /// The cube of one of the paper's experiments.
 struct Supersampled {
     /// It has the starts and measures errors.
-    own: CubePipeline<f64>,
+    pipeline: CubePipeline<f64>,
     settings: CubeSettings,
     mesh: Mesh,
     blur: Option<Blur>,
@@ -32,14 +32,14 @@ type Cube<'t> = (Var<'t, f64>, Var<'t, f64>, Option<Var<'t, f64>>);
 
 impl Supersampled {
     fn new(settings: &CubeSettings) -> Result<(Self, Parameters<f64>), FitError> {
-        let (own, parameters) = CubePipeline::new(settings)?;
+        let (pipeline, parameters) = CubePipeline::new(settings)?;
         let blur = settings.blurs().then(|| Blur {
             kernel: settings.kernel,
             border: settings.border,
             radius: settings.blur_radius(),
         });
         let pipeline = Self {
-            own,
+            pipeline,
             settings: settings.clone(),
             mesh: Mesh::new(FACES.to_vec(), VERTEX_COUNT)?,
             blur,
@@ -96,7 +96,7 @@ impl Pipeline<f64> for Supersampled {
     }
 
     fn measure(&self, parameters: &Parameters<f64>) -> CubeMeasure {
-        self.own.measure(parameters)
+        self.pipeline.measure(parameters)
     }
 }
 

@@ -67,37 +67,40 @@ fn measure(
     bench: &Bench,
     file: &MeshFile,
     pixels: usize,
-    place: usize,
+    place_index: usize,
     [costs, counts]: [&mut Table; 2],
 ) -> Result<(), FitError> {
     let all = cameras();
     let cameras = &all[..bench.effort.choose(2, all.len())];
     // Per camera: per pool and way; per way.
-    let (mut seconds, mut found) = (Vec::new(), Vec::new());
+    let (mut seconds, mut counted) = (Vec::new(), Vec::new());
     for &camera in cameras {
         let view = View { file, camera, size: Size::square(pixels), cull: cull(file) };
-        let positions = if place == 0 { file.positions.clone() } else { view.shifted() };
-        let of = |pool: &ThreadPool| times(&view, &positions, pool);
-        seconds.push(bench.pools.iter().map(of).collect::<Result<Vec<_>, _>>()?);
-        let of = |way| bench.widest().install(|| Stepper::new(&view, way, &positions)?.counts());
-        found.push([of(WAYS[0])?, of(WAYS[1])?, of(WAYS[2])?]);
+        let positions = if place_index == 0 { file.positions.clone() } else { view.shifted() };
+        let time = |pool: &ThreadPool| times(&view, &positions, pool);
+        seconds.push(bench.pools.iter().map(time).collect::<Result<Vec<_>, _>>()?);
+        let count = |way| bench.widest().install(|| Stepper::new(&view, way, &positions)?.counts());
+        counted.push([count(WAYS[0])?, count(WAYS[1])?, count(WAYS[2])?]);
     }
-    let head = [Cell::text(&file.name), Cell::Count(pixels), Cell::text(PLACES[place])];
-    for (at, pool) in bench.pools.iter().enumerate() {
+    let head = [Cell::text(&file.name), Cell::Count(pixels), Cell::text(PLACES[place_index])];
+    for (pool_index, pool) in bench.pools.iter().enumerate() {
         let mut row = head.to_vec();
         row.push(Cell::Count(pool.current_num_threads()));
-        let of = |way: usize| seconds.iter().map(move |camera| camera[at][way]);
-        row.extend((0..WAYS.len()).map(|way| median(of(way).map(|seconds| 1e3 * seconds))));
+        let seconds_of = |way: usize| seconds.iter().map(move |camera| camera[pool_index][way]);
+        row.extend((0..WAYS.len()).map(|way| median(seconds_of(way).map(|seconds| 1e3 * seconds))));
         row.extend(
-            (1..WAYS.len()).map(|way| median(of(way).zip(of(0)).map(|(own, other)| own / other))),
+            (1..WAYS.len()).map(|way| {
+                median(seconds_of(way).zip(seconds_of(0)).map(|(own, other)| own / other))
+            }),
         );
-        let slowest = of(WAYS.len() - 1).map(|seconds| 1e3 * seconds).max_by(f64::total_cmp);
+        let slowest =
+            seconds_of(WAYS.len() - 1).map(|seconds| 1e3 * seconds).max_by(f64::total_cmp);
         row.push(Cell::maybe(slowest));
         costs.push(row);
     }
     let mut row = head.to_vec();
     let mut add = |way: usize, what: fn(&Counts) -> usize| {
-        let [_, median, _] = quartiles(found.iter().map(|counts| what(&counts[way]) as f64));
+        let [_, median, _] = quartiles(counted.iter().map(|counts| what(&counts[way]) as f64));
         row.push(Cell::Count(median.round() as usize));
     };
     add(0, |counts| counts.faces);
@@ -127,9 +130,9 @@ fn errors(bench: &Bench, file: &MeshFile, table: &mut Table) -> Result<(), FitEr
         let view = View { file, camera, size, cull: cull(file) };
         let (target, positions) = (file.positions.clone(), view.shifted());
         let scene = Scene { positions, ..view.scene() };
-        let found = errors_of(bench, scene, target, view.cull, &METHODS)?;
+        let errors = errors_of(bench, scene, target, view.cull, &METHODS)?;
         let mut row = vec![Cell::text(&file.name), Cell::Count(pixels), Cell::Count(*number)];
-        row.extend(found.into_iter().map(|share| Cell::number(100.0 * share)));
+        row.extend(errors.into_iter().map(|share| Cell::number(100.0 * share)));
         table.push(row);
     }
     Ok(())

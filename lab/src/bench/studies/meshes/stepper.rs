@@ -73,7 +73,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    fn of(coverage: &Coverage) -> Self {
+    fn new(coverage: &Coverage) -> Self {
         let counts = coverage.boundary_counts();
         Self {
             faces: coverage.faces().collect::<HashSet<_>>().len(),
@@ -144,8 +144,9 @@ impl Stepper {
         stepper.reference = PixelLoss::squared(&image, &Tensor::zeros([3]))?;
         stepper.positions = positions.cast();
         stepper.colors = colors;
-        if let (Look::Texture(.., texels), Some((_, own))) = (&file.look, &mut stepper.texture) {
-            *own = levels(texels)?;
+        if let (Look::Texture(.., texels), Some((_, mipmaps))) = (&file.look, &mut stepper.texture)
+        {
+            *mipmaps = levels(texels)?;
         }
         Ok(stepper)
     }
@@ -187,7 +188,7 @@ impl Stepper {
     /// One step of a fit without its optimizer; the loss, and the gradient of the positions.
     pub(super) fn step(&mut self) -> Result<(f32, Tensor<f32>), FitError> {
         let tape = std::mem::take(&mut self.tape);
-        let found = {
+        let loss_and_gradient = {
             let positions = tape.leaf(&self.positions);
             let colors = self.colors.as_ref().map(|colors| tape.leaf(colors));
             let loss = self.picture(positions, colors)?.loss(&self.reference)?;
@@ -197,7 +198,7 @@ impl Stepper {
         };
         self.tape = tape;
         self.tape.reset();
-        Ok(found)
+        Ok(loss_and_gradient)
     }
 
     /// What its picture is made of.
@@ -209,7 +210,7 @@ impl Stepper {
             (None, Some((coordinates, _))) => tape.constant(coordinates),
             (None, None) => unreachable!("there are colours or a texture"),
         };
-        Ok(Counts::of(&self.fragments(clip, rows)?.coverage))
+        Ok(Counts::new(&self.fragments(clip, rows)?.coverage))
     }
 }
 

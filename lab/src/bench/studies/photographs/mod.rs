@@ -132,16 +132,16 @@ fn fit(way: Way, object: &Object, case: &Case, steps: u64) -> Result<Run, FitErr
     let mut pipeline = from_fn(|_, variables| {
         loss(way, object, se3(variables.get("increment")?, start)?, reference)
     });
-    let (mut seconds, mut history) = (0.0, vec![[0.0, PoseError::of(start, truth, size).pixels]]);
+    let (mut seconds, mut history) = (0.0, vec![[0.0, PoseError::new(start, truth, size).pixels]]);
     for _ in 0..steps {
         let clock = Instant::now();
         fit.step(&mut pipeline)?;
         seconds += clock.elapsed().as_secs_f64();
         let pose = moved(&fit.parameters().value("increment")?, start)?;
-        history.push([seconds, PoseError::of(&pose, truth, size).pixels]);
+        history.push([seconds, PoseError::new(&pose, truth, size).pixels]);
     }
     let pose = moved(&fit.parameters().value("increment")?, start)?;
-    let last = PoseError::of(&pose, truth, size);
+    let last = PoseError::new(&pose, truth, size);
     Ok(Run { descent: Descent::new(&history, seconds), last, pose })
 }
 
@@ -166,8 +166,8 @@ fn seed(
     let [truth, start] = poses(seed);
     let cells: usize = bench.effort.choose(8, 64);
     let case = |cells: [usize; 2], seed: u64| {
-        let of = || photograph(object, &(camera() * truth), size, cells, seed);
-        let reference = PixelLoss::squared(&bench.widest().install(of), &Tensor::zeros([3]))?;
+        let take = || photograph(object, &(camera() * truth), size, cells, seed);
+        let reference = PixelLoss::squared(&bench.widest().install(take), &Tensor::zeros([3]))?;
         Ok::<_, FitError>(Case { reference, start, truth })
     };
     // Points of their own, so that the difference is that of two pictures that know nothing of each other.
@@ -177,7 +177,7 @@ fn seed(
     let other = run(Way::Exact, &half)?;
     let pairs = whole.reference.reference().data().iter().zip(half.reference.reference().data());
     Ok(Seed {
-        noise: PoseError::of(&other.pose, &runs[2].pose, size).pixels,
+        noise: PoseError::new(&other.pose, &runs[2].pose, size).pixels,
         runs,
         pixel_noise: pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
     })
@@ -261,19 +261,19 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let [mut ends, mut to_errors, mut known] = tables();
     let mut panels = Vec::new();
     for &pixels in bench.effort.choose(PIXELS[0], PIXELS[1]) {
-        let mut found = Vec::new();
+        let mut seeds_done = Vec::new();
         for number in 0..seeds {
             let what = format!("{pixels} px, seed {number}");
-            found.extend(study.noted(&what, seed(bench, &object, pixels, steps, number)));
+            seeds_done.extend(study.noted(&what, seed(bench, &object, pixels, steps, number)));
         }
-        tabulate(pixels, &found, [&mut ends, &mut to_errors]);
+        tabulate(pixels, &seeds_done, [&mut ends, &mut to_errors]);
         known.push(vec![
             Cell::Count(pixels),
-            Cell::maybe(found.iter().map(|seed| seed.pixel_noise).max_by(f64::total_cmp)),
-            Cell::median(found.iter().map(|seed| seed.noise)),
-            Cell::maybe(found.iter().map(|seed| seed.noise).max_by(f64::total_cmp)),
+            Cell::maybe(seeds_done.iter().map(|seed| seed.pixel_noise).max_by(f64::total_cmp)),
+            Cell::median(seeds_done.iter().map(|seed| seed.noise)),
+            Cell::maybe(seeds_done.iter().map(|seed| seed.noise).max_by(f64::total_cmp)),
         ]);
-        let of_way = |way: usize| found.iter().map(|seed| &seed.runs[way].descent).collect();
+        let of_way = |way: usize| seeds_done.iter().map(|seed| &seed.runs[way].descent).collect();
         let title = format!("Pose error in pixels: {pixels} px");
         panels.push(panel(title, (0..WAYS.len()).map(of_way)));
     }

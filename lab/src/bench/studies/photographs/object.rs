@@ -54,17 +54,17 @@ impl Object {
             corners.extend(faces[1].iter().filter(|vertex| !faces[0].contains(vertex)));
             for &vertex in &corners {
                 let [s, t] = [across, down].map(|axis| bit(vertex as usize, axis));
-                let [column, row] = place(side, [s, t]);
+                let [column, row] = texture_position(side, [s, t]);
                 coordinates.extend([
                     (column + 0.5) / (SIDES * TEXELS) as f64,
                     (row + 0.5) / TEXELS as f64,
                 ]);
             }
-            let of = |vertex: u32| {
-                let at = corners.iter().position(|corner| *corner == vertex);
-                (4 * side + at.expect("it is a corner of the side")) as u32
+            let index_of = |vertex: u32| {
+                let corner = corners.iter().position(|corner| *corner == vertex);
+                (4 * side + corner.expect("it is a corner of the side")) as u32
             };
-            indices.extend(faces.iter().map(|face| face.map(of)));
+            indices.extend(faces.iter().map(|face| face.map(index_of)));
         }
         let width = SIDES * TEXELS;
         let texels = Tensor::from_flat_fn([TEXELS, width, 3], |k| {
@@ -92,7 +92,7 @@ pub(super) fn axes(side: usize) -> [usize; 3] {
 }
 
 /// The column and row in the texture, from the first texel's centre, of a place on a side.
-pub(super) fn place(side: usize, [s, t]: [f64; 2]) -> [f64; 2] {
+pub(super) fn texture_position(side: usize, [s, t]: [f64; 2]) -> [f64; 2] {
     let last = (TEXELS - 1) as f64;
     [(side * TEXELS) as f64 + s * last, t * last]
 }
@@ -127,8 +127,8 @@ pub(super) fn poses(seed: u64) -> [DMat4; 2] {
         most * (0.75 + 0.25 * number()) * direction
     };
     let turn = DMat3::from_quat(DQuat::from_scaled_axis(off(MOST_DEGREES.to_radians())));
-    let (rotation, at) = (DMat3::from_mat4(truth), truth.w_axis.truncate());
-    let start = DMat4::from_mat3_translation(turn * rotation, at + off(MOST_MOVED));
+    let (rotation, translation) = (DMat3::from_mat4(truth), truth.w_axis.truncate());
+    let start = DMat4::from_mat3_translation(turn * rotation, translation + off(MOST_MOVED));
     [truth, start]
 }
 
@@ -143,19 +143,20 @@ pub(super) struct PoseError {
 }
 
 impl PoseError {
-    pub(super) fn of(pose: &DMat4, truth: &DMat4, size: Size) -> Self {
+    pub(super) fn new(pose: &DMat4, truth: &DMat4, size: Size) -> Self {
         let [one, other] = [pose, truth].map(|pose| DMat3::from_mat4(*pose));
         // The length of the difference of two rotations by an angle is sqrt(8) times the sine of its half;
         // no digits are lost where it is small.
         let apart: f64 = (one - other).to_cols_array().iter().map(|x| x * x).sum();
         let degrees = 2.0 * (0.125 * apart).sqrt().min(1.0).asin().to_degrees();
         let pixels = 0.5 * size.width as f64;
-        let seen = |pose: &DMat4, vertex: usize| {
+        let pixel_of = |pose: &DMat4, vertex: usize| {
             let corner = DVec3::from_array([2, 1, 0].map(|bit| (vertex >> bit & 1) as f64 - 0.5));
             let clip = camera() * *pose * corner.extend(1.0);
             pixels * clip.truncate().truncate() / clip.w
         };
-        let distances = (0..8).map(|vertex| seen(pose, vertex).distance(seen(truth, vertex)));
+        let distances =
+            (0..8).map(|vertex| pixel_of(pose, vertex).distance(pixel_of(truth, vertex)));
         Self {
             degrees,
             translation: pose.w_axis.distance(truth.w_axis),
@@ -172,21 +173,21 @@ mod tests {
     fn an_angle_and_a_distance_are_found_however_small() {
         let [truth, start] = poses(3);
         let size = Size::square(64);
-        assert_eq!(PoseError::of(&truth, &truth, size).pixels, 0.0);
+        assert_eq!(PoseError::new(&truth, &truth, size).pixels, 0.0);
         for degrees in [1e-9, 1e-3, 10.0, 180.0] {
             let turn = DMat4::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), f64::to_radians(degrees));
             let at = DMat4::from_translation(truth.w_axis.truncate());
-            let found = PoseError::of(&(at * turn * at.inverse() * truth), &truth, size);
+            let found = PoseError::new(&(at * turn * at.inverse() * truth), &truth, size);
             assert!((found.degrees / degrees - 1.0).abs() < 1e-6, "{degrees}: {found:?}");
             assert!(found.translation < 1e-15, "{found:?}");
         }
         // A pixel to the right at the distance of the middle: the vertices about it move by as much.
         let unit = HALF_WIDTH * (DISTANCE - truth.w_axis.z) / 32.0;
         let moved = DMat4::from_translation(DVec3::new(unit, 0.0, 0.0)) * truth;
-        let found = PoseError::of(&moved, &truth, size);
+        let found = PoseError::new(&moved, &truth, size);
         assert!(found.degrees == 0.0 && (found.translation - unit).abs() < 1e-15, "{found:?}");
         assert!((0.95..1.15).contains(&found.pixels), "{found:?}");
-        let found = PoseError::of(&start, &truth, size);
+        let found = PoseError::new(&start, &truth, size);
         assert!((0.5 * MOST_DEGREES..=MOST_DEGREES + 1e-9).contains(&found.degrees), "{found:?}");
         assert!((0.5 * MOST_MOVED..=MOST_MOVED + 1e-9).contains(&found.translation), "{found:?}");
     }
@@ -201,7 +202,8 @@ mod tests {
             for (&vertex, &row) in face.iter().zip(rows) {
                 let position = &object.positions.data()[3 * vertex as usize..][..3];
                 assert_eq!(position[normal], (side % 2) as f64 - 0.5, "face {at}");
-                let [column, line] = place(side, [position[across] + 0.5, position[down] + 0.5]);
+                let [column, line] =
+                    texture_position(side, [position[across] + 0.5, position[down] + 0.5]);
                 let found = &object.coordinates.data()[2 * row as usize..][..2];
                 let width = (SIDES * TEXELS) as f64;
                 assert!((found[0] * width - 0.5 - column).abs() < 1e-9, "face {at}");

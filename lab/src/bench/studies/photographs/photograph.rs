@@ -12,7 +12,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::object::{Object, SIDES, TEXELS, axes, place};
+use super::object::{Object, SIDES, TEXELS, axes, texture_position};
 use crate::bench::scenes::uniform;
 
 /// The picture `[H, W, 3]` of the cube, `to_clip` from its own coordinates to clip space, of `cells` across
@@ -57,8 +57,8 @@ pub(super) fn photograph(
                 let x = column as f64 + (across as f64 + uniform(&mut generator)) / cells[0] as f64;
                 let y = row as f64 + (down as f64 + uniform(&mut generator)) / cells[1] as f64;
                 let ndc = [2.0 * x / width as f64 - 1.0, 1.0 - 2.0 * y / size.height as f64];
-                let seen = color(object, &back, ndc);
-                pixel.iter_mut().zip(seen).for_each(|(sum, channel)| *sum += channel);
+                let channels = color(object, &back, ndc);
+                pixel.iter_mut().zip(channels).for_each(|(sum, channel)| *sum += channel);
             }
             pixel.iter_mut().for_each(|sum| *sum /= (cells[0] * cells[1]) as f64);
         }
@@ -86,7 +86,7 @@ fn color(object: &Object, back: &DMat4, [x, y]: [f64; 2]) -> [f64; 3] {
     let side = 2 * through + usize::from(along[through] < 0.0);
     let [_, across, down] = axes(side);
     let on = [across, down].map(|axis| (near[axis] + enters * along[axis] + 0.5).clamp(0.0, 1.0));
-    let [column, row] = place(side, on);
+    let [column, row] = texture_position(side, on);
     // Between the four texels around it: never one of another side.
     let first = |texel: f64, least: usize| (texel as usize).min(least + TEXELS - 2);
     let (left, top) = (first(column, side * TEXELS), first(row, 0));

@@ -157,9 +157,9 @@ fn sheet(seed: u64) -> Result<Case, FitError> {
         if (8..15).contains(&row) && (6..12).contains(&column) {
             continue;
         }
-        let at = row * (QUADS + 1) + column;
-        let [right, below, across] = [at + 1, at + QUADS + 1, at + QUADS + 2];
-        faces.extend([[at, below, across], [at, across, right]]);
+        let corner = row * (QUADS + 1) + column;
+        let [right, below, across] = [corner + 1, corner + QUADS + 1, corner + QUADS + 2];
+        faces.extend([[corner, below, across], [corner, across, right]]);
     }
     let colors = positions.iter().map(|x| 0.5 + 0.5 * x).collect();
     bent(seed, faces, positions, colors)

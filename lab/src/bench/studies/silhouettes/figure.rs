@@ -9,17 +9,18 @@ use super::row::Row;
 pub(super) fn figures(rows: &[Row]) -> Figures {
     let panels = rows.chunk_by(|row, next| row.case == next.case).map(panel);
     let legend = METHODS.iter().enumerate();
-    let legend = legend
-        .map(|(at, method)| (method.name.to_owned(), PALETTE[at % PALETTE.len()], Stroke::Solid));
+    let legend = legend.map(|(index, method)| {
+        (method.name.to_owned(), PALETTE[index % PALETTE.len()], Stroke::Solid)
+    });
     Figures::new(panels, legend)
         .with_heading("Relative error of the gradient, a dot per size; bands: least and largest")
 }
 
 /// That of one scene.
 fn panel(rows: &[Row]) -> Figure {
-    let point = |row: &Row, at: usize| {
-        let [least, median, largest] = row.errors[at].of_gradient();
-        row.timings[at].as_ref().map(|timing| [timing.minimum, least, median, largest])
+    let point = |row: &Row, index: usize| {
+        let [least, median, largest] = row.errors[index].of_gradient();
+        row.timings[index].as_ref().map(|timing| [timing.minimum, least, median, largest])
     };
     let curve = |color: usize| {
         let mut points: Vec<_> = rows.iter().filter_map(|row| point(row, color)).collect();

@@ -71,7 +71,7 @@ fn supersampled<'t>(
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
     let pixels = scene.size.width;
-    let large = render(&scene.at(times * pixels), cull, positions, colors)?;
+    let large = render(&scene.with_pixels(times * pixels), cull, positions, colors)?;
     let split = large.reshape([pixels, times, pixels, times, 3])?;
     Ok(split.mean_axis(3)?.mean_axis(1)?)
 }

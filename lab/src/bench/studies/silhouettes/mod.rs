@@ -41,7 +41,7 @@ struct Subject {
 
 impl Subject {
     fn new(method: &Method, case: &Case, cull: Cull, truth: &Truth) -> Self {
-        let mut scene = case.scene.at(truth.pixels);
+        let mut scene = case.scene.with_pixels(truth.pixels);
         match method.seams {
             Seams::None => {}
             Seams::Creases => scene.has_creases = true,
@@ -57,7 +57,7 @@ impl Subject {
         method: &Method,
         tape: &mut Tape<f32>,
     ) -> Result<[Tensor<f32>; 2], FitError> {
-        let found = {
+        let image_and_gradient = {
             let positions = tape.leaf(&self.positions);
             let colors = tape.constant(&self.colors);
             let image = (method.image)(&self.scene, self.cull, positions, colors)?;
@@ -65,7 +65,7 @@ impl Subject {
             [image.value(), gradients.get_or_zeros(positions)]
         };
         tape.reset();
-        Ok(found)
+        Ok(image_and_gradient)
     }
 }
 
@@ -82,7 +82,7 @@ fn measure(
     for seed in 0..seeds {
         let case = (kind.make)(seed)?;
         let truths = bench.widest().install(|| truths(&case, kind, sizes));
-        for (at, truth) in truths.iter().enumerate() {
+        for (index, truth) in truths.iter().enumerate() {
             if seed == 0 {
                 let mut contestants = Vec::new();
                 for method in &METHODS {
@@ -106,7 +106,7 @@ fn measure(
                     pixel_noise: 0.0,
                 });
             }
-            let row = &mut rows[at];
+            let row = &mut rows[index];
             row.noise = row.noise.max(truth.noise);
             row.pixel_noise = row.pixel_noise.max(truth.pixel_noise);
             for (method, errors) in METHODS.iter().zip(&mut row.errors) {
@@ -131,23 +131,23 @@ pub(super) fn errors_of(
     let case = Case { scene, target };
     let truths = bench.widest().install(|| truths(&case, &kind, &[pixels]));
     let truth = truths.first().expect("one size has one truth");
-    let mut found = Vec::new();
+    let mut errors = Vec::new();
     for name in methods {
         let method = METHODS.iter().find(|method| method.name == *name).expect("it is a method");
         let subject = Subject::new(method, &case, cull, truth);
         let [_, gradient] = subject.gradient(method, &mut Tape::new())?;
-        found.push(truth.error(gradient.cast::<f64>().data()));
+        errors.push(truth.error(gradient.cast::<f64>().data()));
     }
-    found.push(truth.noise);
-    Ok(found)
+    errors.push(truth.noise);
+    Ok(errors)
 }
 
 pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
     let mut study =
         Section::new("silhouettes", "The gradient of a silhouette, against the true one", "");
     let mut rows = Vec::new();
-    let own = cases::cases(bench.effort);
-    for kind in &own {
+    let kinds = cases::cases(bench.effort);
+    for kind in &kinds {
         rows.extend(measure(bench, &mut study, kind, &PIXELS)?);
     }
     for kind in &cases::of_bench(bench.effort) {
@@ -166,9 +166,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
          move the truth, at most. 2x2 and 4x4: rendered so much larger, then averaged down. Exact: \
          edges at which colours bend are seams; no seams: none is; all edges: every edge is. Back faces are culled in closed meshes of the step's table, \
          and drawn in all other scenes.",
-        bench.effort.choose(1, own[0].seeds),
+        bench.effort.choose(1, kinds[0].seeds),
         cases::SHIFT,
-        bench.effort.choose(1, own[1].seeds),
+        bench.effort.choose(1, kinds[1].seeds),
     );
     study.push_figures(figures(&rows));
     let percent = |share: f64| Cell::number(100.0 * share);
@@ -179,24 +179,24 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
             "silhouettes",
             "Relative error of the vertex gradient, %, median",
             Some(&noise),
-            &|row, at| percent(row.errors[at].of_gradient()[1]),
+            &|row, index| percent(row.errors[index].of_gradient()[1]),
         ),
-        table(&rows, "silhouettes_largest", "The same, largest", Some(&noise), &|row, at| {
-            percent(row.errors[at].of_gradient()[2])
+        table(&rows, "silhouettes_largest", "The same, largest", Some(&noise), &|row, index| {
+            percent(row.errors[index].of_gradient()[2])
         }),
         table(
             &rows,
             "silhouettes_pixels",
             "Error of the worst pixel, % of full intensity",
             Some(&|row| percent(row.pixel_noise)),
-            &|row, at| percent(row.errors[at].pixel),
+            &|row, index| percent(row.errors[index].pixel),
         ),
         table(
             &rows,
             "silhouettes_times",
             "Milliseconds of an image and its gradient, one thread",
             None,
-            &|row, at| match &row.timings[at] {
+            &|row, index| match &row.timings[index] {
                 Some(timing) => timing.cell(1e3 * timing.minimum),
                 None => Cell::Nothing,
             },
@@ -219,7 +219,7 @@ fn table(
     let mut table = Table::new(name, title, &columns);
     for row in rows {
         let mut cells = vec![Cell::text(&row.case), Cell::Count(row.pixels)];
-        cells.extend((0..METHODS.len()).map(|at| cell(row, at)));
+        cells.extend((0..METHODS.len()).map(|index| cell(row, index)));
         cells.extend(truth.map(|truth| truth(row)));
         table.push(cells);
     }

@@ -30,7 +30,7 @@ struct Segment {
 
 impl Segment {
     /// All numbers at x: they are linear.
-    fn at(&self, x: f64) -> Point {
+    fn point_at(&self, x: f64) -> Point {
         let share = (x - self.left[0]) / (self.right[0] - self.left[0]);
         mixed(&self.left, &self.right, share)
     }
@@ -181,7 +181,7 @@ fn add(row: &mut [f64], segment: &Segment, from: f64, to: f64, share: f64) {
         let (a, b) = (from.max(column as f64), to.min(column as f64 + 1.0));
         let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
         for (node, weight) in [(-0.6_f64.sqrt(), 5.0), (0.0, 8.0), (0.6_f64.sqrt(), 5.0)] {
-            let [_, _, _, w, r, g, b] = segment.at(middle + node * half);
+            let [_, _, _, w, r, g, b] = segment.point_at(middle + node * half);
             let share = share * half * weight / 9.0;
             for (sum, color) in row[3 * column..].iter_mut().zip([r, g, b]) {
                 *sum += share * color / w;
@@ -215,15 +215,15 @@ impl Envelope {
         active.clear();
         let mut coming = by_start.iter().copied().peekable();
         for pair in places.windows(2) {
-            while let Some(at) = coming.next_if(|&at| all[at].left[0] <= pair[0]) {
-                active.push(at);
+            while let Some(index) = coming.next_if(|&index| all[index].left[0] <= pair[0]) {
+                active.push(index);
             }
-            active.retain(|&at| all[at].right[0] > pair[0]);
+            active.retain(|&index| all[index].right[0] > pair[0]);
             open.push([pair[0], pair[1]]);
             while let Some([from, to]) = open.pop() {
                 // The nearest at one end; of those that are as near there, at the other.
                 let nearest = |x: f64, other: f64| {
-                    let depths = |&at: &usize| [all[at].depth(x), all[at].depth(other)];
+                    let depths = |&index: &usize| [all[index].depth(x), all[index].depth(other)];
                     let order = |a: &usize, b: &usize| depths(a).partial_cmp(&depths(b));
                     active.iter().copied().min_by(|a, b| order(a, b).expect("depths are numbers"))
                 };
@@ -237,7 +237,7 @@ impl Envelope {
                 }
                 let hidden = active
                     .iter()
-                    .any(|&at| all[at].depth(crossing) < all[one].depth(crossing) - 1e-12);
+                    .any(|&index| all[index].depth(crossing) < all[one].depth(crossing) - 1e-12);
                 if hidden {
                     open.extend([[crossing, to], [from, crossing]]);
                 } else {

@@ -33,9 +33,9 @@ impl Truth {
     /// The length of a gradient's error over that of the gradient. Along random signs the mean square
     /// of a vector's slopes is that of its length.
     pub(super) fn error(&self, gradient: &[f64]) -> f64 {
-        let found: Vec<f64> =
+        let slopes: Vec<f64> =
             self.directions.iter().map(|direction| product(direction, gradient)).collect();
-        distance(&found, &self.slopes) / length(&self.slopes)
+        distance(&slopes, &self.slopes) / length(&self.slopes)
     }
 
     /// The largest difference of a picture's pixels.
@@ -48,12 +48,12 @@ impl Truth {
 pub(super) fn truths(case: &Case, kind: &Kind, sizes: &[usize]) -> Vec<Truth> {
     let &Kind { cull, height, step, .. } = kind;
     let largest = sizes[sizes.len() - 1];
-    let scene = &case.scene.at(largest);
+    let scene = &case.scene.with_pixels(largest);
     let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, height, order });
     let [picture, target] = [&scene.positions, &case.target]
         .map(|positions| sets.each_ref().map(|lines| lines.picture(positions)));
     let upstream: Vec<f64> =
-        picture[1].iter().zip(&target[1]).map(|(seen, wanted)| seen - wanted).collect();
+        picture[1].iter().zip(&target[1]).map(|(drawn, wanted)| drawn - wanted).collect();
     let directions = directions(scene.positions.data().len());
     let upstreams: Vec<_> = sizes.iter().map(|&size| averaged(&upstream, largest, size)).collect();
     // Per direction, set of lines, and size.
@@ -76,9 +76,10 @@ pub(super) fn truths(case: &Case, kind: &Kind, sizes: &[usize]) -> Vec<Truth> {
         })
         .collect();
     let all = sizes.iter().zip(upstreams).enumerate();
-    all.map(|(at, (&pixels, upstream))| {
-        let of = |set: usize| -> Vec<f64> { slopes.iter().map(|sets| sets[set][at]).collect() };
-        let (slopes, coarse) = (of(1), of(0));
+    all.map(|(index, (&pixels, upstream))| {
+        let slopes_of =
+            |set: usize| -> Vec<f64> { slopes.iter().map(|sets| sets[set][index]).collect() };
+        let (slopes, coarse) = (slopes_of(1), slopes_of(0));
         let [coarse_picture, picture] =
             picture.each_ref().map(|picture| averaged(picture, largest, pixels));
         Truth {
@@ -97,7 +98,8 @@ pub(super) fn truths(case: &Case, kind: &Kind, sizes: &[usize]) -> Vec<Truth> {
 /// One coordinate after the other where there are few, else random signs.
 fn directions(coordinates: usize) -> Vec<Vec<f64>> {
     if coordinates <= MOST_COORDINATES {
-        let unit = |k: usize| (0..coordinates).map(|at| f64::from(u8::from(at == k))).collect();
+        let unit =
+            |k: usize| (0..coordinates).map(|index| f64::from(u8::from(index == k))).collect();
         return (0..coordinates).map(unit).collect();
     }
     let mut generator = ChaCha8Rng::seed_from_u64(0);
@@ -110,8 +112,8 @@ fn averaged(samples: &[f64], from: usize, to: usize) -> Vec<f64> {
     let times = from / to;
     let mut sums = vec![0.0; to * to * 3];
     for (row, line) in samples.chunks_exact(from * 3).enumerate() {
-        for (at, entry) in line.iter().enumerate() {
-            let (column, channel) = (at / 3, at % 3);
+        for (entry_index, entry) in line.iter().enumerate() {
+            let (column, channel) = (entry_index / 3, entry_index % 3);
             sums[(row / times * to + column / times) * 3 + channel] += entry;
         }
     }
