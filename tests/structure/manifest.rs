@@ -90,12 +90,23 @@ fn every_file_that_a_document_names_exists() {
     assert!(named > 10, "only {named} paths were found");
 }
 
-/// The pages in Markdown: those of the project's folder, of `docs` and of the laboratory.
+/// The pages in Markdown, in all folders but hidden ones and those that `.gitignore` names.
 fn pages(root: &Path) -> Vec<PathBuf> {
-    let folders = [root.to_owned(), root.join("docs"), root.join("lab/docs")];
-    let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
-    let paths = entries.map(|entry| entry.unwrap().path());
-    paths.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect()
+    let ignored = fs::read_to_string(root.join(".gitignore")).unwrap();
+    let ignored: Vec<_> = ignored.lines().map(|line| root.join(&line[1..])).collect();
+    let (mut folders, mut pages) = (vec![root.to_owned()], Vec::new());
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            let is_hidden = path.file_name().unwrap().to_str().unwrap().starts_with('.');
+            match path.extension() {
+                _ if is_hidden || ignored.contains(&path) => {}
+                _ if path.is_dir() => folders.push(path),
+                Some(ending) if ending == "md" => pages.push(path),
+                _ => {}
+            }
+        }
+    }
+    pages
 }
 
 #[test]
