@@ -12,7 +12,8 @@ use crate::numbers::{Count, Finite, NotNegative, Positive};
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineEntry {
-    /// How pixels at silhouettes are made.
+    /// How pixels at silhouettes are made: by default exactly, while `RasterOptions::new` of a program
+    /// antialiases.
     #[serde(default)]
     pub silhouettes: SilhouettesName,
     /// How surfaces answer light; by default `unlit` in a scene without lights, else

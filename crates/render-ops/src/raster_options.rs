@@ -144,7 +144,8 @@ impl Limits {
 }
 
 impl RasterOptions {
-    /// Both sides of all faces at pixel centres, in an image of `size`; pictures are antialiased. The
+    /// Both sides of all faces at pixel centres, in an image of `size`. Silhouettes are
+    /// [`Silhouettes::Antialias`], while those of `scene.toml` are [`Silhouettes::Exact`] by default. The
     /// tolerance of creases is 2e-3.
     pub const fn new(size: Size) -> Self {
         Self {
