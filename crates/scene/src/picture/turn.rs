@@ -6,7 +6,7 @@
 use std::fmt;
 use std::path::Path;
 
-use super::samples::Picture;
+use super::samples::{Picture, Samples};
 use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 
@@ -33,20 +33,33 @@ impl Turn {
     /// The image once it is turned.
     pub(super) fn apply(self, picture: &Picture) -> Picture {
         let Picture { width, height, channels, .. } = *picture;
+        let stored = [width, height, channels];
+        let samples = match &picture.samples {
+            Samples::U8(samples) => Samples::U8(self.turned(samples, stored)),
+            Samples::U16(samples) => Samples::U16(self.turned(samples, stored)),
+            Samples::F32(samples) => Samples::F32(self.turned(samples, stored)),
+        };
+        let [width, height] = self.size([width, height]);
+        Picture { width, height, channels, samples }
+    }
+
+    /// The samples of an image of so many columns, rows and channels once it is turned.
+    fn turned<T: Copy>(self, samples: &[T], [width, height, channels]: [usize; 3]) -> Vec<T> {
         let [new_width, new_height] = self.size([width, height]);
         // Counted from the right or from below, in the image as it is stored.
         let [from_right, from_below] =
             [matches!(self.0, 2 | 3 | 7 | 8), matches!(self.0, 3 | 4 | 6 | 7)];
-        let indices = (0..width * height * channels).map(|index| {
-            let (pixel, channel) = (index / channels, index % channels);
-            let (row, column) = (pixel / new_width, pixel % new_width);
-            let [y, x] = if self.swaps() { [column, row] } else { [row, column] };
-            let y = if from_below { height - 1 - y } else { y };
-            let x = if from_right { width - 1 - x } else { x };
-            (y * width + x) * channels + channel
-        });
-        let samples = picture.samples.picked(indices);
-        Picture { width: new_width, height: new_height, channels, samples }
+        let mut turned = Vec::with_capacity(samples.len());
+        for row in 0..new_height {
+            for column in 0..new_width {
+                let [y, x] = if self.swaps() { [column, row] } else { [row, column] };
+                let y = if from_below { height - 1 - y } else { y };
+                let x = if from_right { width - 1 - x } else { x };
+                let first = (y * width + x) * channels;
+                turned.extend_from_slice(&samples[first..first + channels]);
+            }
+        }
+        turned
     }
 }
 
@@ -107,7 +120,6 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Samples;
 
     #[test]
     fn each_turn_puts_each_pixel_where_viewers_show_it() {

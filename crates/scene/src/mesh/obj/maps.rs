@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use bokashi_core::Tensor;
 use bokashi_render_ops::TextureBorder;
 
 use crate::mesh::context::{MeshContext, unquoted};
@@ -99,6 +100,22 @@ fn word(text: &str) -> Option<(&str, &str)> {
     Some((word, text.trim_start().strip_prefix(word)?.trim_start()))
 }
 
+/// Samples of texels whose green and blue are these channels, as `sample` makes them. What is missing is 1.
+fn packed<S: Copy>(
+    channels: &[Option<Tensor<f32>>; 2],
+    texels: usize,
+    sample: impl Fn(f32) -> S,
+) -> Vec<S> {
+    let mut samples = vec![sample(1.0); 3 * texels];
+    for (channel, numbers) in channels.iter().enumerate() {
+        let Some(numbers) = numbers else { continue };
+        for (texel, number) in samples.as_chunks_mut::<3>().0.iter_mut().zip(numbers.data()) {
+            texel[1 + channel] = sample(*number);
+        }
+    }
+    samples
+}
+
 /// Images of roughness and metallic in one, by the numbers of the two.
 #[derive(Debug, Default)]
 pub(super) struct Packed {
@@ -132,13 +149,10 @@ impl Packed {
         let are_bytes =
             pictures.iter().flatten().all(|picture| matches!(picture.samples, Samples::U8(_)));
         let channels = pictures.map(|picture| picture.and_then(|picture| picture.channel(0)));
-        let numbers = (0..3 * width * height).map(|k| match k % 3 {
-            0 => 1.0,
-            channel => channels[channel - 1].as_ref().map_or(1.0, |channel| channel.data()[k / 3]),
-        });
+        let texels = width * height;
         let samples = match are_bytes {
-            true => Samples::U8(numbers.map(|x| (255.0 * x).round() as u8).collect()),
-            false => Samples::F32(numbers.collect()),
+            true => Samples::U8(packed(&channels, texels, |x| (255.0 * x).round() as u8)),
+            false => Samples::F32(packed(&channels, texels, |x| x)),
         };
         self.numbers.insert(pair, context.images.len());
         context.images.push(Picture { width, height, channels: 3, samples });
