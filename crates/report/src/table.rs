@@ -11,10 +11,10 @@ use crate::quartiles::quartiles;
 pub enum Cell {
     /// Words.
     Text(String),
-    /// Words that stand out as what is shown here is about.
-    Strong(String),
-    /// Words that stand out as something gone wrong.
-    Flagged(String),
+    /// An entry that stands out as what is shown here is about.
+    Strong(Box<Cell>),
+    /// An entry that stands out as something gone wrong.
+    Flagged(Box<Cell>),
     /// A whole number.
     Count(usize),
     /// A number with its mark for people: three digits of it, then the mark.
@@ -56,22 +56,23 @@ impl Cell {
         Self::maybe(Some(quartiles(numbers)[1]).filter(|median| median.is_finite()))
     }
 
-    /// The same as people read it, made to stand out as what is shown here is about.
+    /// The same, made to stand out as what is shown here is about.
     #[must_use]
     pub fn strong(self) -> Self {
-        Self::Strong(self.shown())
+        Self::Strong(Box::new(self))
     }
 
-    /// The same as people read it, made to stand out as something gone wrong.
+    /// The same, made to stand out as something gone wrong.
     #[must_use]
     pub fn flagged(self) -> Self {
-        Self::Flagged(self.shown())
+        Self::Flagged(Box::new(self))
     }
 
     /// As people read it.
     fn shown(&self) -> String {
         match self {
-            Self::Text(words) | Self::Strong(words) | Self::Flagged(words) => words.clone(),
+            Self::Text(words) => words.clone(),
+            Self::Strong(cell) | Self::Flagged(cell) => cell.shown(),
             Self::Count(count) => count.to_string(),
             Self::Number(number, mark) => digits(Some(*number)) + mark,
             Self::Time(number) => plain(Some(*number)),
@@ -82,12 +83,11 @@ impl Cell {
     /// As programs read it: numbers so that reading them gives the same bits.
     fn field(&self) -> String {
         match self {
-            Self::Text(words) | Self::Strong(words) | Self::Flagged(words) => {
-                match words.contains(['"', ',', '\n', '\r']) {
-                    true => format!("\"{}\"", words.replace('"', "\"\"")),
-                    false => words.clone(),
-                }
-            }
+            Self::Text(words) => match words.contains(['"', ',', '\n', '\r']) {
+                true => format!("\"{}\"", words.replace('"', "\"\"")),
+                false => words.clone(),
+            },
+            Self::Strong(cell) | Self::Flagged(cell) => cell.field(),
             Self::Count(count) => count.to_string(),
             Self::Number(number, _) | Self::Time(number) if number.is_finite() => {
                 format!("{number:e}")
@@ -107,7 +107,7 @@ impl Cell {
         let span = if columns > 1 { format!(" colspan={columns}") } else { String::new() };
         let shown = escaped(&self.shown()).replace('\n', "<br>");
         match self {
-            Self::Flagged(words) if !words.is_empty() => {
+            Self::Flagged(_) if !shown.is_empty() => {
                 format!("<{tag}{span}><span class=\"stuck\">{shown}</span>")
             }
             _ => format!("<{tag}{class}{span}>{shown}"),
@@ -284,8 +284,9 @@ mod tests {
         table.push(vec![Cell::text("a \"b\", <c>"), Cell::number(0.012345), Cell::Time(0.0012)]);
         table.push(vec![Cell::text("d"), Cell::Number(f64::NAN, "*"), Cell::Nothing]);
         table.push_part("<part>");
-        table.push(vec![Cell::Nothing, Cell::Count(7), Cell::number(1e-5).flagged()]);
-        table.push(vec![Cell::text("e"), Cell::Flagged("no < yes".to_owned())]);
+        table.push(vec![Cell::Nothing, Cell::Count(7), Cell::number(1.2345e-5).flagged()]);
+        table.push(vec![Cell::text("e"), Cell::text("no < yes").flagged()]);
+        table.push(vec![Cell::text("f"), Cell::Time(0.98765).strong(), Cell::Nothing.strong()]);
         table
     }
 
@@ -295,12 +296,13 @@ mod tests {
         let widths: Vec<usize> = text.lines().map(|line| line.chars().count()).collect();
         assert!(widths.iter().all(|&width| width == widths[0]), "{text}");
         assert!(text.contains("| 0.0123 ") && text.contains("| NaN* "), "{text}");
-        assert!(text.contains("| 0.0012 "), "{text}");
+        assert!(text.contains("| 0.0012 ") && text.contains("| 1.2e-5 "), "{text}");
     }
 
     #[test]
     fn files_hold_all_digits_and_no_number_where_there_is_none() {
-        let csv = "scene,milliseconds,error\n\"a \"\"b\"\", <c>\",1.2345e-2,1.2e-3\nd,,\n,7,1.0e-5\ne,no < yes,\n";
+        let csv = "scene,milliseconds,error\n\"a \"\"b\"\", <c>\",1.2345e-2,1.2e-3\nd,,\n,7,1.2345e-5\ne,no < yes,\n\
+            f,9.8765e-1,\n";
         assert_eq!(table().csv(), csv);
     }
 

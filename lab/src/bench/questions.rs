@@ -74,13 +74,16 @@ pub fn json(studies: &[Section], effort: Effort) -> Value {
 
 /// The rows of a table as a list of objects.
 fn rows(table: &Table) -> Value {
-    let value = |cell: &Cell| match cell {
-        Cell::Text(words) | Cell::Strong(words) | Cell::Flagged(words) => words.as_str().into(),
-        Cell::Count(count) => (*count).into(),
-        // Infinity and NaN become null.
-        Cell::Number(number, _) | Cell::Time(number) => (*number).into(),
-        Cell::Nothing => Value::Null,
-    };
+    fn value(cell: &Cell) -> Value {
+        match cell {
+            Cell::Text(words) => words.as_str().into(),
+            Cell::Strong(cell) | Cell::Flagged(cell) => value(cell),
+            Cell::Count(count) => (*count).into(),
+            // Infinity and NaN become null.
+            Cell::Number(number, _) | Cell::Time(number) => (*number).into(),
+            Cell::Nothing => Value::Null,
+        }
+    }
     let object = |row: &Vec<Cell>| {
         let keys = table.columns.iter().map(|(_, key)| (*key).to_owned());
         Value::Object(keys.zip(row.iter().map(value)).collect::<Map<_, _>>())
@@ -97,7 +100,7 @@ mod tests {
         let mut table = Table::new("speed", "Speed", &[("scene", "scene"), ("ms", "ms")]);
         table.push(vec![Cell::text("a"), Cell::number(0.012345)]);
         table.push(vec![Cell::Nothing, Cell::Number(f64::NAN, "*")]);
-        table.push(vec![Cell::Count(7), Cell::Time(1.5)]);
+        table.push(vec![Cell::Count(7), Cell::Time(1.5).strong()]);
         let expected = json!([
             { "scene": "a", "ms": 0.012345 }, { "scene": null, "ms": null }, { "scene": 7, "ms": 1.5 }
         ]);

@@ -66,8 +66,11 @@ fn cells(row: &Row) -> [Cell; 2] {
         (None, Some(_)) => "not finite".to_owned(),
         (None, None) => if row.pass { "passed" } else { "failed" }.to_owned(),
     };
-    let error = if row.pass { Cell::Text(error) } else { Cell::Flagged(error) };
-    [error, row.bound.map_or(Cell::Nothing, |bound| Cell::Text(digits(bound)))]
+    let error = Cell::Text(error);
+    [
+        if row.pass { error } else { error.flagged() },
+        row.bound.map_or(Cell::Nothing, |bound| Cell::Text(digits(bound))),
+    ]
 }
 
 fn digits(number: f64) -> String {

@@ -64,7 +64,7 @@ fn table(runs: &[Run]) -> Table {
     for run in runs {
         match &run.result {
             Err(error) => {
-                table.push(vec![Cell::Count(run.seed as usize), Cell::Flagged(error.clone())]);
+                table.push(vec![Cell::Count(run.seed as usize), Cell::text(error).flagged()]);
             }
             Ok(outcomes) => outcomes.iter().for_each(|outcome| table.push(row(run, outcome))),
         }

@@ -157,7 +157,7 @@ fn name(trial: &Trial) -> Cell {
         None => {
             let CubeSettings { border, kernel, sigma_mapping, .. } = trial.settings;
             let others = format!("{border:?}, {kernel:?}, {sigma_mapping:?}").to_lowercase();
-            Cell::Strong(format!("Ours: {name}, {others}"))
+            Cell::text(format!("Ours: {name}, {others}")).strong()
         }
         Some(choice) => Cell::text(format!("{}: {name}", capital(choice))),
     }

@@ -215,7 +215,7 @@ pub(crate) fn every_fit(groups: &[&Group]) -> Section {
             let name =
                 if single { format!("{}, seed {seed}", group.name()) } else { seed.to_string() };
             let numbers = NUMBERS.iter().map(|(_, number)| number(fit));
-            let mark = Cell::Flagged(if fit.is_stuck() { "stuck" } else { "" }.to_owned());
+            let mark = Cell::text(if fit.is_stuck() { "stuck" } else { "" }).flagged();
             table.push(std::iter::once(Cell::text(name)).chain(numbers).chain([mark]).collect());
         }
         section.push_table(table);
