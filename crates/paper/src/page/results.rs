@@ -138,7 +138,7 @@ fn diagnosis(fit: &Fit) -> String {
 pub(crate) fn stuck(groups: &[&Group]) -> Result<Section, ReportError> {
     let mut section = Section::new("stuck", "Fits that are stuck", "");
     let fits = || groups.iter().flat_map(|group| group.fits.iter().map(move |fit| (group, fit)));
-    // Nothing holds a aliased silhouette: none finds the cube, and the gallery and the table of all
+    // Nothing holds an aliased silhouette: none finds the cube, and the gallery and the table of all
     // fits say so.
     let fits = || fits().filter(|(_, fit)| fit.settings.silhouettes != Silhouettes::Aliased);
     let stuck: Vec<_> = fits().filter(|(_, fit)| fit.is_stuck()).collect();
