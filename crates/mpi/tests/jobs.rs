@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+use bokashi_scene::{Location, Picture, Samples, Scene, SceneFit};
 use serde_json::Value;
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -38,7 +38,9 @@ fn disk(view: usize) -> Vec<u8> {
         false => 0,
     };
     let samples = Samples::U8((0..24 * 24 * 3).map(sample).collect());
-    Picture { width: 24, height: 24, channels: 3, samples }.encode_png(&Place::new("disk")).unwrap()
+    Picture { width: 24, height: 24, channels: 3, samples }
+        .encode_png(&Location::new("disk"))
+        .unwrap()
 }
 
 /// A scene of a ball that is learnt from a ring of views, of which each step sees `per_step`.
