@@ -10,19 +10,12 @@ use bokashi_render_ops::{
 use glam::DMat4;
 
 use super::mesh::{check_fragments, faces, size};
-use super::number::{Range, expanded};
+use super::number::{Range, in_either_precision};
 use super::step::check;
 
 /// Runs the camera, pose and mesh that `bytes` stand for; returns the number of fragments.
 pub fn matrix(bytes: &[u8]) -> usize {
-    let bytes = expanded(bytes);
-    let mut bytes = Unstructured::new(&bytes);
-    let done = match bytes.arbitrary::<bool>() {
-        Ok(true) => run::<f64>(&mut bytes),
-        _ => run::<f32>(&mut bytes),
-    };
-    // Bytes that end too early stand for nothing.
-    done.unwrap_or(0)
+    in_either_precision(bytes, run::<f32>, run::<f64>)
 }
 
 fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {

@@ -9,19 +9,12 @@ use bokashi_render_ops::{
     interpolate, interpolate_indexed, rasterize,
 };
 
-use super::number::{Range, expanded};
+use super::number::{Range, in_either_precision};
 use super::step::check;
 
 /// Runs the mesh that `bytes` stand for; returns the number of fragments.
 pub fn mesh(bytes: &[u8]) -> usize {
-    let bytes = expanded(bytes);
-    let mut bytes = Unstructured::new(&bytes);
-    let done = match bytes.arbitrary::<bool>() {
-        Ok(true) => run::<f64>(&mut bytes),
-        _ => run::<f32>(&mut bytes),
-    };
-    // Bytes that end too early stand for nothing.
-    done.unwrap_or(0)
+    in_either_precision(bytes, run::<f32>, run::<f64>)
 }
 
 /// Faces over `vertex_count` vertices, one index in 32 out of range.

@@ -5,7 +5,7 @@ use bokashi_core::{Scalar, Tensor};
 
 /// The bytes of an input: with an odd first byte, followed by 4 kB that are drawn from the next
 /// four bytes, so that a short input can be a whole mesh or image.
-pub fn expanded(bytes: &[u8]) -> Vec<u8> {
+fn expanded(bytes: &[u8]) -> Vec<u8> {
     /// Enough for the largest input.
     const DRAWN: usize = 512;
     let Some((how, seed, rest)) = bytes
@@ -26,6 +26,19 @@ pub fn expanded(bytes: &[u8]) -> Vec<u8> {
         }
     }
     all
+}
+
+/// What a run in `f32` or in `f64` answers of an input: a first bit says in which. Bytes that end too early stand
+/// for nothing.
+pub fn in_either_precision(
+    bytes: &[u8],
+    single: fn(&mut Unstructured<'_>) -> Result<usize>,
+    double: fn(&mut Unstructured<'_>) -> Result<usize>,
+) -> usize {
+    let bytes = expanded(bytes);
+    let mut bytes = Unstructured::new(&bytes);
+    let run = if bytes.arbitrary().unwrap_or(false) { double } else { single };
+    run(&mut bytes).unwrap_or(0)
 }
 
 /// Which numbers an input is made of.

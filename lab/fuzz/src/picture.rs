@@ -9,19 +9,12 @@ use bokashi_render_ops::{
 };
 
 use super::mesh::{check_pieces, faces, sampling, size};
-use super::number::{Range, bits, expanded};
+use super::number::{Range, bits, in_either_precision};
 use super::step::check;
 
 /// Runs the picture that `bytes` stand for; returns the number of its pixels, the rim included.
 pub fn pictures(bytes: &[u8]) -> usize {
-    let bytes = expanded(bytes);
-    let mut bytes = Unstructured::new(&bytes);
-    let done = match bytes.arbitrary::<bool>() {
-        Ok(true) => run::<f64>(&mut bytes),
-        _ => run::<f32>(&mut bytes),
-    };
-    // Bytes that end too early stand for nothing.
-    done.unwrap_or(0)
+    in_either_precision(bytes, run::<f32>, run::<f64>)
 }
 
 fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
