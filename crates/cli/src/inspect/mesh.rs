@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use bokashi_scene::{
-    Geometry, MaterialFile, MeshSummary, Model, Picture, SceneError, Submesh, read_model,
+    Geometry, MaterialFile, MaterialMap, MeshSummary, Model, Picture, SceneError, Submesh,
+    read_model,
 };
 use serde_json::json;
 
@@ -155,8 +156,8 @@ fn add_problems(
     }
     for Submesh { material, faces } in &geometry.submeshes {
         let material = material.and_then(|material| model.materials.get(material));
-        let has_maps =
-            material.is_some_and(|material| maps(material).iter().any(|(_, map)| map.is_some()));
+        let has_maps = material
+            .is_some_and(|material| maps(material).iter().any(|(_, map)| map.image.is_some()));
         if has_maps
             && !geometry.coordinates.as_ref().is_some_and(|attribute| attribute.covers(faces))
         {
@@ -175,11 +176,11 @@ fn what_label(what: &str) -> &'static str {
     }
 }
 
-fn maps(material: &MaterialFile) -> [(&'static str, Option<usize>); 3] {
+fn maps(material: &MaterialFile) -> [(&'static str, MaterialMap); 3] {
     [
-        ("colour map", material.base_color_map.image),
-        ("metal map", material.metallic_roughness_map.image),
-        ("normal map", material.normal_map.image),
+        ("colour map", material.base_color_map),
+        ("metal map", material.metallic_roughness_map),
+        ("normal map", material.normal_map),
     ]
 }
 
@@ -191,10 +192,12 @@ fn inspect_material(model: &Model, k: usize, material: &MaterialFile) -> Section
     section.fact("metallic", number(material.metallic.into()), f64::from(material.metallic));
     section.fact("roughness", number(material.roughness.into()), f64::from(material.roughness));
     for (label, map) in maps(material) {
-        if let Some(picture) = map.and_then(|map| model.images.get(map)) {
+        if let Some(picture) = map.image.and_then(|image| model.images.get(image)) {
             let Picture { width, height, channels, .. } = picture;
             let text = format!("{width} x {height} texels, {}", count(*channels, "channel"));
             section.fact(label, text, json!({ "size": [width, height], "channels": channels }));
+        } else if map.is_missing {
+            section.fact(label, "its image was left out", json!(null));
         }
     }
     section

@@ -140,6 +140,9 @@ fn inspect_material(
                 json!([width, height]),
             );
             value[label] = json!([width, height]);
+        } else if map.is_missing {
+            section.fact(labelled(label), "its image was left out", json!(null));
+            value[label] = json!(null);
         }
     }
     value

@@ -35,6 +35,31 @@ fn what_is_wrong_with_a_mesh_is_said_and_ends_with_1() {
 }
 
 #[test]
+fn maps_without_their_images_are_told() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    textured(folder);
+    let material = "newmtl skin\nmap_Kd gone.png\nmap_Pr maps/my skin.png\nnorm away.png\n";
+    write(folder, "model/quad.mtl", material);
+    let view = "camera = { position = [0, 0, 5], target = [0, 0, 0], angle = 40, size = [8, 8] }\n";
+    let scene = format!("[[meshes]]\nfile = \"model/quad.obj\"\n[[views]]\nname = \"a\"\n{view}");
+    write(folder, "scene.toml", scene);
+    for (file, color, other) in
+        [("model/quad.obj", "colour map", "metal map "), ("scene.toml", "texture   ", "rough map ")]
+    {
+        let [told, _] = ended(folder, &["inspect", file], 1);
+        for label in [color, "normal map"] {
+            assert!(told.contains(&format!("  {label}    its image was left out\n")), "{told}");
+        }
+        assert!(told.contains(&format!("  {other}    16 x 8 texels")), "{told}");
+    }
+    let output = run(PROGRAM, folder, &["inspect", "scene.toml", "--json", "-"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    let material = &json["objects"][0]["materials"][0];
+    assert_eq!(material.get("normal map"), Some(&Value::Null), "{json}");
+}
+
+#[test]
 fn what_is_wrong_with_a_scene_is_said() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
