@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 
 use allocation_counter::measure;
-use bokashi_catalogue::ENTRIES;
 use bokashi_catalogue::setting::Setting;
+use bokashi_catalogue::{Benchmark, ENTRIES};
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
 use bokashi_core::{SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
@@ -201,11 +201,20 @@ const MAKING: [&str; 4] =
 #[test]
 fn a_steady_step_of_every_operation_allocates_nothing() {
     let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let benchmarks: Vec<_> =
+        ENTRIES.iter().flat_map(|entry| entry().benchmarks().to_vec()).collect();
+    // A name that no operation has any more excepts nothing.
+    for label in MAKING {
+        assert!(benchmarks.iter().any(|benchmark| benchmark.label() == label), "no {label}");
+    }
+    for name in LISTS {
+        assert!(benchmarks.iter().any(|benchmark| benchmark.name() == name), "no {name}");
+    }
+    let steady = |benchmark: &&Benchmark| !MAKING.contains(&benchmark.label());
     // One piece of work and several.
     for (around, along, pixels) in [(12, 7, 32), (90, 60, 160)] {
         let setting = Arc::new(Setting::with_sphere(around, along, pixels).unwrap());
-        let benchmarks = ENTRIES.iter().flat_map(|entry| entry().benchmarks().to_vec());
-        for benchmark in benchmarks.filter(|benchmark| !MAKING.contains(&benchmark.label())) {
+        for benchmark in benchmarks.iter().filter(steady) {
             let case = benchmark.case(&setting);
             let inputs: Vec<Tensor<f32>> =
                 case.inputs().iter().map(|input| input.tensor.cast()).collect();
