@@ -105,24 +105,13 @@ impl<T: Scalar> Learner<T> {
 }
 
 impl Scene {
-    /// Steps on this scene in `f32`, back faces drawn, as a function that takes one: for whoever
-    /// counts what they allocate.
+    /// Steps on this scene in `f32`, back faces drawn, as a function that takes one.
     ///
     /// # Errors
     /// What an operation refuses: none does.
     pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
-        self.steps_with::<f32>(RasterOptions::new(self.size))
-    }
-
-    /// Steps on this scene in any precision, with options for rasterization.
-    ///
-    /// # Errors
-    /// What an operation refuses: none does.
-    pub fn steps_with<T: Scalar>(
-        &self,
-        options: RasterOptions,
-    ) -> Result<impl FnMut() -> Result<(), FitError> + Send + use<T>, FitError> {
-        let mut learner = Learner::<T>::with(self, options, Compared::Picture)?;
+        let options = RasterOptions::new(self.size);
+        let mut learner = Learner::<f32>::with(self, options, Compared::Picture)?;
         Ok(move || learner.step())
     }
 }

@@ -43,10 +43,7 @@ impl Scene {
     }
 
     /// The largest scene of the table, 80,064 faces in 1024 x 1024 pixels, its adjacency built.
-    ///
-    /// # Errors
-    /// What an operation refuses: none does.
-    pub fn largest() -> Result<Self, FitError> {
+    pub(crate) fn largest() -> Result<Self, FitError> {
         let scene = Self::sphere("sphere80k", 288, 140, 1024)?;
         scene.mesh.adjacency();
         Ok(scene)
@@ -55,16 +52,6 @@ impl Scene {
     /// Its name: the mesh, and the pixels along a side.
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// The size of its image.
-    pub fn size(&self) -> Size {
-        self.size
-    }
-
-    /// The number of pixels.
-    pub fn pixels(&self) -> usize {
-        self.size.pixels()
     }
 
     /// The cube, 12 faces, in `pixels` x `pixels`.
@@ -88,10 +75,7 @@ impl Scene {
     }
 
     /// A sphere of about `faces` faces, twice as many quads around as along, in `pixels` x `pixels`.
-    ///
-    /// # Errors
-    /// What an operation refuses: none does.
-    pub fn sphere_of(faces: usize, pixels: usize) -> Result<Self, FitError> {
+    pub(crate) fn sphere_of(faces: usize, pixels: usize) -> Result<Self, FitError> {
         let along = ((faces as f64 / 4.0).sqrt().round() as usize).max(3);
         Self::sphere("sphere", 2 * along, along + 1, pixels)
     }
