@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use bokashi_lab::bench::Effort;
 use serde_json::Value;
 
 use crate::run::{files, folder, loads_nothing, object, run, text, write};
@@ -27,10 +28,14 @@ fn every_row_of_the_grid_passes_and_is_printed_kept_and_added_to_a_report() {
     assert!(said.contains("ok     4 f64 repeated index in a face"), "{said}");
     assert!(said.contains("error 0.0e0, bound 0.0e0") && said.contains(" passed, 0 failed"));
     assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
-    assert_eq!(files(folder.path()), ["grid.json", "made/stability.html"]);
+    let expected = ["grid.json", "made/stability-rows.csv", "made/stability.html"];
+    assert_eq!(files(folder.path()), expected);
     let page = fs::read_to_string(folder.path().join("made/stability.html")).expect("a page");
     assert!(page.contains("fan of 512 faces") && page.contains("each pixel once"));
     loads_nothing(&page);
+    let csv = fs::read_to_string(folder.path().join("made/stability-rows.csv")).expect("a file");
+    assert!(csv.starts_with("case,name,precision,expected,outcome,pass,error,bound\n"), "{csv}");
+    assert!(csv.contains("\n21,fan of 512 faces,f64,each pixel once,"), "{csv}");
 
     let json = fs::read(folder.path().join("grid.json")).expect("a file");
     assert_eq!((alone.status.code(), text(&alone.stderr)), (Some(0), String::new()));
@@ -39,6 +44,8 @@ fn every_row_of_the_grid_passes_and_is_printed_kept_and_added_to_a_report() {
     let rows = rows.as_array().expect("a list");
     assert_eq!(rows.len(), bokashi_lab::stability::row_count());
     assert_eq!(rows.len(), said.lines().filter(|line| line.starts_with("ok ")).count());
+    // Messages of several lines are in quotes.
+    assert_eq!(csv.matches(",true,").count(), rows.len(), "{csv}");
     for precision in ["f32", "f64"] {
         let cases = rows.iter().filter(|row| row["precision"] == precision);
         let cases: Vec<u64> = cases.filter_map(|row| row["case"].as_u64()).collect();
@@ -86,6 +93,32 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
             let csv = fs::read_to_string(folder.path().join(&file)).expect("a file");
             assert_eq!(csv.lines().count(), rows.len() + 1, "{file}");
         }
+    }
+    // What was looked at before the work: all but a table beside others' libraries, of which none were given.
+    let mut known = bokashi_lab::bench::files(Effort::Quick, &[], false);
+    known.retain(|name| name != "bench-blur_libraries.csv");
+    known.sort();
+    assert_eq!(files(&folder.path().join("made")), known);
+}
+
+#[test]
+fn a_table_that_cannot_be_written_is_found_before_the_work() {
+    for (line, file) in [
+        ("bench --only nodes", "bench-nodes.csv"),
+        ("bench elision", "elision-rows.csv"),
+        ("stability", "stability-rows.csv"),
+        ("stiff", "stiff-conditions.csv"),
+    ] {
+        let folder = folder();
+        fs::create_dir_all(folder.path().join("made").join(file)).expect("a folder in its place");
+        let output = lab(folder.path(), &format!("{line} --out made"));
+        let said = text(&output.stderr);
+        assert_eq!(
+            (output.status.code(), text(&output.stdout)),
+            (Some(2), String::new()),
+            "{line}"
+        );
+        assert!(said.contains("--out needs a folder to write to") && said.contains(file), "{said}");
     }
 }
 

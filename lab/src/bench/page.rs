@@ -10,6 +10,9 @@ pub fn page(studies: Vec<Section>, effort: Effort, about: About) -> Document {
     page_of(("bench", "How fast, and at what error"), studies, effort, about)
 }
 
+/// The files of [`elision_page`].
+pub const ELISION_FILES: [&str; 2] = ["elision.html", "elision-rows.csv"];
+
 /// The page of what is left out, with a CSV file of its rows.
 pub fn elision_page(rows: Section, effort: Effort, about: About) -> Document {
     page_of(("elision", "What a scene does not need"), vec![rows], effort, about)

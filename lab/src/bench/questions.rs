@@ -8,17 +8,34 @@ use crate::bench::effort::Effort;
 use crate::bench::machine::Machine;
 use crate::bench::mesh_file::MeshFile;
 use crate::bench::setting::{Bench, Peer, method};
-use crate::bench::studies;
+use crate::bench::studies::{self, Study};
 
 /// The names of all studies.
 pub const STUDIES: [&str; studies::ALL.len()] = {
     let (mut names, mut index) = ([""; studies::ALL.len()], 0);
     while index < names.len() {
-        names[index] = studies::ALL[index].0;
+        names[index] = studies::ALL[index].name;
         index += 1;
     }
     names
 };
+
+/// The studies of [`STUDIES`] that `only` names, or all where it names none. The study of meshes from files is
+/// left out where there are none, but in a quick run, which makes one.
+fn wanted(effort: Effort, only: &[String], has_meshes: bool) -> impl Iterator<Item = Study> {
+    let has_meshes = effort == Effort::Quick || has_meshes;
+    studies::ALL.into_iter().filter(move |study| {
+        let is_named = only.is_empty() || only.iter().any(|one| one == study.name);
+        is_named && (has_meshes || study.name != studies::MESHES)
+    })
+}
+
+/// The files that the page of such a run has, itself among them.
+pub fn files(effort: Effort, only: &[String], has_meshes: bool) -> Vec<String> {
+    let tables = wanted(effort, only, has_meshes).flat_map(|study| study.tables);
+    let tables = tables.map(|table| format!("bench-{table}.csv"));
+    std::iter::once("bench.html".to_owned()).chain(tables).collect()
+}
 
 /// Does the studies of [`STUDIES`] that `only` names, or all where it names none; `on_study` is told
 /// the name of each before it begins. The study of meshes from files takes `meshes`; without any it
@@ -34,15 +51,10 @@ pub fn bench(
     on_study: &mut dyn FnMut(&str),
 ) -> Result<Vec<Section>, FitError> {
     let bench = Bench { peers, meshes, ..Bench::new(effort)? };
-    let has_meshes = effort == Effort::Quick || !bench.meshes.is_empty();
     let mut sections = Vec::new();
-    let wanted = |name: &str| {
-        let is_named = only.is_empty() || only.iter().any(|one| one == name);
-        is_named && (has_meshes || name != studies::MESHES)
-    };
-    for (name, study) in studies::ALL.into_iter().filter(|(name, _)| wanted(name)) {
+    for Study { name, run, .. } in wanted(effort, only, !bench.meshes.is_empty()) {
         on_study(name);
-        sections.push(study(&bench)?);
+        sections.push(run(&bench)?);
     }
     Ok(sections)
 }

@@ -22,7 +22,8 @@ pub(crate) fn run(arguments: &BenchArguments, writing: &Writing) -> Result<(), F
 }
 
 impl BenchOptions {
-    fn effort(&self) -> Effort {
+    /// How much to measure.
+    pub(super) fn effort(&self) -> Effort {
         if self.quick { Effort::Quick } else { Effort::Full }
     }
 }

@@ -5,23 +5,21 @@ use bokashi_cli::interrupt::{Writing, end_when_interrupted};
 use bokashi_cli::places::Places;
 use bokashi_cli::threads::{start_threads, start_threads_apart};
 
-use super::arguments::{Command, Request};
+use super::arguments::{BenchArguments, BenchCommand, Command, Request};
 use super::{bench, models, stability, stiff};
+use crate::bench::{ELISION_FILES, files as bench_files};
+use crate::stability::FILES as STABILITY_FILES;
+use crate::stiff::FILES as STIFF_FILES;
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
-    let report: &[&str] = match &request.command {
-        Command::Stability(_) => &["stability.html"],
-        Command::Stiff(_) => &["stiff.html", "stiff-conditions.csv", "stiff-runs.csv"],
-        Command::Bench(bench) if bench.command.is_none() => &["bench.html"],
-        Command::Bench(_) => &["elision.html", "elision-rows.csv"],
-        Command::Models(_) => &[],
-    };
+    let report = list_files(&request.command);
+    let report: Vec<&str> = report.iter().map(|name| &**name).collect();
     let files = request.files();
     Places {
         out: files.out.as_deref(),
         is_out_named: true,
-        report,
+        report: &report,
         files: files.json.as_deref().map(|file| ("--json", file)).into_iter().collect(),
         read: request.read(),
     }
@@ -43,5 +41,21 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
             bench::run(arguments, &writing)
         }
         Command::Models(arguments) => models::run(arguments, &files, &writing),
+    }
+}
+
+/// The files of the page that a command adds to a report.
+fn list_files(command: &Command) -> Vec<String> {
+    let named = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
+    match command {
+        Command::Stability(_) => named(&STABILITY_FILES),
+        Command::Stiff(_) => named(&STIFF_FILES),
+        Command::Bench(BenchArguments { command: Some(BenchCommand::Elision(_)), .. }) => {
+            named(&ELISION_FILES)
+        }
+        Command::Bench(BenchArguments { options, only, mesh, .. }) => {
+            bench_files(options.effort(), only, !mesh.is_empty())
+        }
+        Command::Models(_) => Vec::new(),
     }
 }

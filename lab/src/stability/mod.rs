@@ -15,7 +15,7 @@ mod row;
 mod run;
 mod table;
 
-pub use page::page;
+pub use page::{FILES, page};
 pub use row::Row;
 pub use table::{line, summary};
 

@@ -5,7 +5,12 @@ use bokashi_report::{About, Cell, Document, Section, Table};
 use super::row::Row;
 use super::table::summary;
 
-/// The page that shows `rows`.
+/// The files of [`page`].
+pub const FILES: [&str; 2] = ["stability.html", ROWS];
+
+const ROWS: &str = "stability-rows.csv";
+
+/// The page that shows `rows`, with a CSV file of them.
 pub fn page(rows: &[Row], about: About) -> Document {
     let section = |id, title, is_in: fn(&Row) -> bool| {
         let mut section = Section::new(id, title, "");
@@ -29,7 +34,7 @@ pub fn page(rows: &[Row], about: About) -> Document {
         heading: "Extreme cases".to_owned(),
         introduction,
         sections,
-        files: Vec::new(),
+        files: vec![(ROWS.into(), row_table(rows).csv().into_bytes())],
         about,
     }
 }
@@ -55,6 +60,25 @@ fn table(rows: &[&Row]) -> Table {
         let words = [format!("{number}{}", first.name), first.expected.to_owned()];
         let words = words.into_iter().chain([outcomes.join("\n")]);
         table.push(words.map(Cell::Text).chain(numbers).collect());
+    }
+    table
+}
+
+/// One row per case and precision, under the names that JSON has for them.
+fn row_table(rows: &[Row]) -> Table {
+    let columns = ["case", "name", "precision", "expected", "outcome", "pass", "error", "bound"];
+    let mut table = Table::new("rows", "", &columns.map(|name| (name, name)));
+    for row in rows {
+        table.push(vec![
+            row.case.map_or(Cell::Nothing, |number| Cell::Count(number as usize)),
+            Cell::text(&row.name),
+            Cell::text(row.precision),
+            Cell::text(row.expected),
+            Cell::text(&row.outcome),
+            Cell::text(row.pass.to_string()),
+            Cell::maybe(row.error),
+            Cell::maybe(row.bound),
+        ]);
     }
     table
 }

@@ -17,7 +17,7 @@ pub mod problems;
 pub use conditioning::{Conditioning, conditioning};
 pub use ledger::{Budget, Counts, Halt, LEVELS, Moment, TARGET};
 pub use optimizers::{Method, Outcome, RATES, Run, run};
-pub use page::{markdown, page};
+pub use page::{FILES, markdown, page};
 pub use problem::{Family, Problem, Residuals};
 pub use profile::{Cost, Solver, profiles, share_within, shares, solvers};
 pub use study::{Study, StudySettings, study};

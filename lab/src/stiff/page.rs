@@ -13,6 +13,9 @@ const LEVELS_SHOWN: [usize; 3] = [2, 5, 8];
 /// Profiles end at this multiple of the least cost: whoever needs more has all but failed.
 const LARGEST_RATIO: f64 = 1e4;
 
+/// The files of [`page`].
+pub const FILES: [&str; 3] = ["stiff.html", "stiff-conditions.csv", "stiff-runs.csv"];
+
 /// The page `stiff`, with a CSV file per table.
 pub fn page(study: &Study, about: About) -> Document {
     Document {
@@ -177,7 +180,10 @@ mod tests {
         assert_eq!(rows.lines().count(), 3);
         assert!(rows.contains("gradient descent,1e9,") && rows.contains(",diverged,"), "{rows}");
         let study = Study { runs, ..Study::default() };
-        let html = page(&study, About::default()).render().unwrap().html;
+        let rendered = page(&study, About::default()).render().unwrap();
+        let files: Vec<_> = rendered.files.iter().map(|(path, _)| path.to_str().unwrap()).collect();
+        assert_eq!(files, FILES[1..]);
+        let html = rendered.html;
         assert!(html.contains("gradient descent") && html.contains("<polyline"), "{html}");
         assert!(html.contains("gradient descent at rate 1e9 diverged: "), "{html}");
         assert!(!html.contains("NaN"));
