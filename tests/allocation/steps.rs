@@ -12,8 +12,8 @@ use bokashi_core::{SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, PixelLoss, Pose, RasterOptions, Sampling, Size,
-    gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, Coverage, Kernel, Mesh, PixelLoss, Pose, Radius, RasterOptions, Sampling,
+    Size, gaussian_blur, interpolate, project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
@@ -387,11 +387,17 @@ fn a_steady_step_of_training_allocates_nothing() {
 
 #[test]
 fn a_steady_step_of_every_blur_allocates_nothing() {
-    for (kernel, sigma) in
-        [(Kernel::Sampled, 3.0), (Kernel::Discrete, 3.0), (Kernel::Discrete, 40.0)]
-    {
+    let half_size = Radius::Tolerance(0.15);
+    let usual = Blur::default().radius;
+    for (kernel, sigma, radius) in [
+        (Kernel::Sampled, 3.0, usual),
+        (Kernel::Discrete, 3.0, usual),
+        (Kernel::Discrete, 40.0, usual),
+        (Kernel::Disc, 3.0, usual),
+        (Kernel::Disc, 10.0, half_size),
+    ] {
         let image = Tensor::from_flat_fn([150, 160, 3], |k| (k % 101) as f32);
-        let blur = Blur { kernel, ..Blur::default() };
+        let blur = Blur { kernel, radius, ..Blur::default() };
         let mut tape = Tape::new();
         assert_steady_from_step_3(|| {
             let sum = {

@@ -258,7 +258,8 @@ mod tests {
     const SILHOUETTES: [Silhouettes; 3] =
         [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact];
     const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
-    const KERNELS: [Kernel; 3] = [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete];
+    const KERNELS: [Kernel; 4] =
+        [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete, Kernel::Disc];
     const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 
     fn settings(experiment: Experiment, preset: Preset) -> CubeSettings {
@@ -397,7 +398,7 @@ mod tests {
     fn settings_of_every_kind_come_back_from_their_bytes() {
         let mut settings = settings(Experiment::Sigma, Preset::Tuned);
         for k in 0..6 {
-            settings.kernel = KERNELS[k % 3];
+            settings.kernel = KERNELS[k % 4];
             settings.border = BORDERS[k / 2];
             settings.sigma_mapping = [Mapping::Identity, Mapping::Softplus, Mapping::Exp][k % 3];
             settings.seed = u64::MAX - k as u64;

@@ -181,6 +181,7 @@ enum KernelWord {
     Unnormalized,
     Sampled,
     Discrete,
+    Disc,
 }
 
 /// The borders' words in files.

@@ -26,7 +26,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         _ => Radius::Tolerance(range.number(bytes)?),
     };
     let blur = Blur {
-        kernel: *bytes.choose(&[Kernel::Unnormalized, Kernel::Sampled])?,
+        kernel: *bytes.choose(&[Kernel::Unnormalized, Kernel::Sampled, Kernel::Disc])?,
         border: *bytes.choose(&[Border::Zero, Border::Mirror, Border::Clamp])?,
         radius,
     };

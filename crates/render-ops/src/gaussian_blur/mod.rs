@@ -1,4 +1,4 @@
-//! Gaussian blur of an image, with a standard deviation that can be learnt.
+//! Blur of an image by a Gaussian or by a disc, with a standard deviation that can be learnt.
 //!
 //! # Forward
 //! `b = K_x K_y c`: along the columns, then along the rows, channel by channel, with the window
@@ -9,6 +9,9 @@
 //! # Backward
 //! `c_bar = K_x^T K_y^T b_bar`, which is the forward pass again, except for a clamp border;
 //! `sigma_bar = <b_bar, db/dsigma>`.
+//!
+//! # A disc
+//! It is no product of two windows: `disc` has its formulas. What follows is about Gaussians.
 //!
 //! # Two ways
 //! `convolution` sums over a window: its cost grows with sigma, and is least where sigma is small.
@@ -33,6 +36,7 @@
 //! rendering, equations (1) to (5): the unnormalized kernel. Image libraries use the sampled
 //! kernel.
 
+mod disc;
 mod of_picture;
 pub use self::of_picture::Blurred;
 mod rational;
@@ -40,6 +44,7 @@ mod rational;
 use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Kept, Op, Outputs, Scalar, Var};
 
+use self::disc::Disc;
 use self::rational::{Block, Line, Order, Rational};
 use crate::border::Border;
 use crate::convolution::{Band, Convolution};
@@ -49,13 +54,13 @@ use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
-/// Sampled and discrete weights with sigma 0 are the identity: the image itself is returned. As
+/// Sigma 0 is the identity, except for the unnormalized kernel: the image itself is returned. As
 /// sigma grows beyond the image, the result approaches a constant: the mean of the image (mirror
 /// border), the mean of its corners (clamp), or zero.
 ///
 /// # Errors
 /// - [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, except for the unnormalized
-///   kernel).
+///   kernel); for a disc above 1024, or one that reaches beyond a fixed radius.
 /// - [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a
 ///   single number.
 /// - [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
@@ -90,6 +95,7 @@ struct Saved<T: Scalar> {
     /// The blur as tridiagonal systems; `Some` where they are used.
     lines: [Line<T>; 2],
     order: Option<&'static Order>,
+    disc: Disc<T>,
     /// Memory: for pieces of work, for what is blurred along its columns, for sums by piece, for a
     /// gradient.
     bands: Workbench<Band<T>>,
@@ -118,6 +124,11 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             outputs.pass(0, "sigma is 0");
             return Ok(());
         }
+        if self.blur.kernel == Kernel::Disc {
+            saved.disc.fill(sigma, &self.blur, shape)?;
+            saved.disc.blur(image, outputs.push(shape), inputs.needs(1));
+            return Ok(());
+        }
         let extents = [shape[1], shape[0]];
         let Saved { taps, slope, lines, order, bands, blocks, columns, .. } = saved;
         *order = self.order(sigma.to_f64(), extents);
@@ -142,16 +153,34 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let b_bar = kept.only_upstream();
-        let Saved { taps, slope, lines, order, bands, blocks, columns, sums, image_bar: memory } =
-            saved;
+        let (b_bar, is_disc) = (kept.only_upstream(), self.blur.kernel == Kernel::Disc);
+        let Saved {
+            taps,
+            slope,
+            lines,
+            order,
+            disc,
+            bands,
+            blocks,
+            columns,
+            sums,
+            image_bar: memory,
+        } = saved;
+        if is_disc {
+            disc.take_gradient(b_bar);
+        }
         if let Some(sigma_bar) = gradients.get(1) {
+            let [slope, b_bar] = match is_disc {
+                true => disc.sigma_factors(b_bar),
+                false => [slope, b_bar],
+            };
             let sum = dot(slope, b_bar, sums);
             sigma_bar.add_each(|_| T::narrow(sum));
         }
         if let Some(image_bar) = gradients.get(0) {
             let (shape, border) = (kept.input_shape(0), self.blur.border);
             let mut adjoint = |out: &mut [T]| match order {
+                _ if is_disc => disc.image_gradient(b_bar, out),
                 // With a zero or a mirror border it is its own adjoint.
                 Some(_) => {
                     Rational::new(shape, lines).apply(b_bar, columns, blocks, out, &mut []);
@@ -175,7 +204,7 @@ impl<T: Scalar> Op<T> for GaussianBlur {
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
         let Saved { slope, bands, blocks, columns, sums, image_bar, .. } = saved;
         let entries = slope.len() + image_bar.len() + columns.iter().map(Vec::len).sum::<usize>();
-        let memory = bands.total(Band::len) + blocks.total(Block::len);
+        let memory = bands.total(Band::len) + blocks.total(Block::len) + saved.disc.len();
         size_of::<T>() * (entries + memory) + size_of_val(&sums[..])
     }
 }

@@ -83,7 +83,7 @@ fn double_sum(image: &Tensor<f64>, at: [usize; 3], sigma: f64, radius: isize, bl
     };
     let total = match blur.kernel {
         Kernel::Unnormalized => sigma * std::f64::consts::TAU.sqrt(),
-        Kernel::Sampled | Kernel::Discrete => (-radius..=radius).map(shape).sum(),
+        _ => (-radius..=radius).map(shape).sum(),
     };
     let source = |at: isize, extent: usize| -> Option<usize> {
         let last = extent as isize - 1;

@@ -8,6 +8,7 @@ mod composite_layers;
 mod creases;
 mod depth_of_field;
 mod differentials;
+mod disc;
 mod distort;
 mod downsample;
 mod environment;

@@ -112,6 +112,7 @@ fn a_blurred_picture_is_its_blurred_image_to_the_bit() {
         background: 1,
         learns: [true; 2],
     };
+    assert_same(Case { blur: Blur { kernel: Kernel::Disc, ..Blur::default() }, ..usual });
     for kernel in [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete] {
         for border in [Border::Zero, Border::Mirror, Border::Clamp] {
             for radius in [Radius::Fixed(0), Radius::Fixed(60), Radius::Tolerance(1e-4)] {

@@ -16,14 +16,18 @@ pub(crate) static EXTREMES: &[Extreme] = extremes! {
     52 "unnormalized kernel at sigma 1e-30", "its gain, or an error", seed_kernel_overflow;
     64 "discrete kernel, any sigma", "mass and constants kept", discrete_at_any_sigma;
     65 "discrete kernel, wide", "windows and systems agree", discrete_both_ways;
+    190 "disc, variance 1e-12", "a step of diffusion", disc_of_tiny_variance;
+    191 "disc, any sigma", "mass and constants kept", disc_at_any_sigma;
+    192 "disc wider than the image", "each pixel by the border", disc_wider_than_the_image;
 };
 
 const SHAPE: [usize; 3] = [5, 7, 2];
 
+/// Those with any sigma above 0.
 const KERNELS: [Kernel; 3] = [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete];
 
 /// Those with a sum of 1.
-const NORMALIZED: [Kernel; 2] = [Kernel::Sampled, Kernel::Discrete];
+const NORMALIZED: [Kernel; 3] = [Kernel::Sampled, Kernel::Discrete, Kernel::Disc];
 
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 
@@ -140,22 +144,24 @@ fn sigma_beyond_the_image<T: Scalar>() -> Outcome {
         .and(finite, "a gradient is not finite"))
 }
 
+/// The pixel, of `extent` in a line, that a window sees at a place.
+fn source(border: Border, at: isize, extent: isize) -> Option<isize> {
+    match border {
+        Border::Zero => (0..extent).contains(&at).then_some(at),
+        Border::Clamp => Some(at.clamp(0, extent - 1)),
+        Border::Mirror => {
+            let phase = at.rem_euclid(2 * extent);
+            Some(phase.min(2 * extent - 1 - phase))
+        }
+    }
+}
+
 fn wide_window_on_a_small_image<T: Scalar>() -> Outcome {
     // The window as a double sum, tap by tap.
     let sigma = 40.0;
     let radius = 200_isize;
     let weight = |k: isize| f64::exp(-0.5 * (k as f64 / sigma).powi(2));
     let total: f64 = (-radius..=radius).map(weight).sum();
-    let source = |border: Border, at: isize, extent: isize| -> Option<isize> {
-        match border {
-            Border::Zero => (0..extent).contains(&at).then_some(at),
-            Border::Clamp => Some(at.clamp(0, extent - 1)),
-            Border::Mirror => {
-                let phase = at.rem_euclid(2 * extent);
-                Some(phase.min(2 * extent - 1 - phase))
-            }
-        }
-    };
     // The share of the pixel at `from` in the window around `at`.
     let share = |border: Border, at: isize, from: isize, extent: isize| -> f64 {
         let taps = (-radius..=radius).filter(|k| source(border, at + k, extent) == Some(from));
@@ -201,6 +207,7 @@ fn constant_image<T: Scalar>() -> Outcome {
     let borders = [Border::Mirror, Border::Clamp];
     for (kernel, border) in NORMALIZED.into_iter().flat_map(|k| borders.map(|b| (k, b))) {
         for sigma in [1e-6, 0.3, 2.0, 50.0, 1e5] {
+            let sigma = if kernel == Kernel::Disc { f64::min(sigma, 1024.0) } else { sigma };
             let blur = Blur { kernel, border, ..Blur::default() };
             let found = blurred::<T>(SHAPE, |_| 0.7, sigma, &blur)?;
             error = error.maximum_or_nan(largest(found.image.iter().map(|entry| entry - value)));
@@ -267,4 +274,130 @@ fn discrete_both_ways<T: Scalar>() -> Outcome {
         }
     }
     Ok(Verdict::within("the same image and gradient", error, 1e-6 + 64.0 * rounding::<T>()))
+}
+
+fn disc_of_tiny_variance<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k))));
+    let variance = tape.leaf_scalar(T::from_f64(1e-12));
+    let blur = Blur { kernel: Kernel::Disc, ..Blur::default() };
+    let out = gaussian_blur(image, variance.sqrt(), &blur)?;
+    let gradients = out.square().sum().backward()?;
+    let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();
+    // d/dt is half the difference between the four neighbours and the pixel, four times.
+    let mut slope = 0.0;
+    for (k, entry) in expected.iter().enumerate() {
+        let [row, column, channel] = [k / 14, k / 2 % 7, k % 2];
+        let neighbours = [
+            [row.saturating_sub(1), column],
+            [(row + 1).min(4), column],
+            [row, column.saturating_sub(1)],
+            [row, (column + 1).min(6)],
+        ];
+        let beside = neighbours.map(|[row, column]| expected[14 * row + 2 * column + channel]);
+        slope += entry * (beside.iter().sum::<f64>() - 4.0 * entry);
+    }
+    let found = gradients.get_or_zeros(variance).item().to_f64();
+    let error = difference(&numbers(&out.value()), &expected)
+        .maximum_or_nan((found - slope).abs() / slope.abs());
+    Ok(Verdict::within(
+        "the image; d/dt by the four neighbours",
+        error,
+        16.0 * rounding::<T>() + 1e-11,
+    ))
+}
+
+fn disc_at_any_sigma<T: Scalar>() -> Outcome {
+    // The disc's rim touches sides of pixels at a radius of 3/2, where the variance is this.
+    let cap = (1.0_f64 / 3.0).acos() - 8.0_f64.sqrt() / 9.0;
+    let touching = (std::f64::consts::FRAC_2_PI * cap).sqrt();
+    let (mut error, mut slope, mut finite) = (0.0_f64, 0.0_f64, true);
+    for shape in [[1, 1, 1], [1, 200, 1], [60, 70, 2]] {
+        let size: usize = shape.iter().product();
+        for sigma in [0.0, 1e-30, 1e-6, 0.3, touching, 4.0, 8.0, 30.0, 1024.0] {
+            for tolerance in [0.15, 1e-6] {
+                let radius = Radius::Tolerance(tolerance);
+                let blur = Blur { kernel: Kernel::Disc, border: Border::Mirror, radius };
+                let flat = blurred::<T>(shape, |_| 0.7, sigma, &blur)?;
+                let value = T::from_f64(0.7).to_f64();
+                error = error.maximum_or_nan(largest(flat.image.iter().map(|entry| entry - value)));
+                slope = slope.maximum_or_nan(flat.sigma_bar.abs());
+                let impulse = |k: usize| f64::from(u8::from(k == size / 3));
+                let found = blurred::<T>(shape, impulse, sigma, &blur)?;
+                let mass = found.image.iter().sum::<f64>();
+                // A disc that is blurred at half the size keeps it where both extents can be halved.
+                if tolerance < 0.1 && sigma < 100.0 {
+                    error = error.maximum_or_nan((mass - 1.0).abs());
+                }
+                finite &= mass.is_finite() && found.sigma_bar.is_finite();
+                finite &= found.image_bar.iter().all(|bar| bar.is_finite());
+            }
+        }
+    }
+    // Some thousand pixels have the same weight, which is rounded the same way.
+    Ok(Verdict::within("mass 1, a constant kept, its slope 0", error, 256.0 * rounding::<T>())
+        .and(finite, "a gradient is not finite")
+        .and(slope == 0.0, format!("the slope of a constant is {slope:.1e}")))
+}
+
+/// How far a disc in [`disc_wider_than_the_image`] may reach.
+const REACH: isize = 20;
+
+/// The share of a disc in each pixel around its centre, by thin slices, row by row.
+fn disc_weights(sigma: f64) -> Vec<Vec<f64>> {
+    const SLICES: usize = 400;
+    let slices = |column: isize| {
+        let place = move |k: usize| column as f64 - 0.5 + (k as f64 + 0.5) / SLICES as f64;
+        (0..SLICES).map(place)
+    };
+    let chord = |x: f64, radius: f64| (radius * radius - x * x).max(0.0).sqrt();
+    let area = |radius: f64| std::f64::consts::PI * radius * radius * SLICES as f64;
+    let variance = |radius: f64| -> f64 {
+        let column =
+            |k: isize| -> f64 { slices(k).map(|x| (k * k) as f64 * 2.0 * chord(x, radius)).sum() };
+        (-REACH..=REACH).map(column).sum::<f64>() / area(radius)
+    };
+    let (mut low, mut radius) = (0.5, 2.0 * sigma + 1.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + radius);
+        if variance(middle) < sigma * sigma { low = middle } else { radius = middle }
+    }
+    let share = |row: isize, column: isize| -> f64 {
+        let [above, below] = [row as f64 - 0.5, row as f64 + 0.5];
+        let length = |x: f64| {
+            let chord = chord(x, radius);
+            (chord.min(below) - above.max(-chord)).max(0.0)
+        };
+        slices(column).map(length).sum::<f64>() / area(radius)
+    };
+    let row = |row: isize| (-REACH..=REACH).map(|column| share(row, column)).collect();
+    (-REACH..=REACH).map(row).collect()
+}
+
+fn disc_wider_than_the_image<T: Scalar>() -> Outcome {
+    let mut error = 0.0_f64;
+    for sigma in [4.0, 8.0] {
+        let weights = disc_weights(sigma);
+        for [height, width] in [[1, 1], [1, 9], [5, 7]] {
+            for border in BORDERS {
+                let blur = Blur { kernel: Kernel::Disc, border, radius: Radius::Fixed(20) };
+                let shape = [height as usize, width as usize, 1];
+                let found = blurred::<T>(shape, motley, sigma, &blur)?;
+                for (k, found) in found.image.iter().enumerate() {
+                    let (y, x) = (k as isize / width, k as isize % width);
+                    let mut expected = 0.0;
+                    for (row, weights) in (-REACH..=REACH).zip(&weights) {
+                        for (column, weight) in (-REACH..=REACH).zip(weights) {
+                            let row = source(border, y + row, height);
+                            let column = source(border, x + column, width);
+                            let (Some(row), Some(column)) = (row, column) else { continue };
+                            expected += weight * motley_in::<T>((row * width + column) as usize);
+                        }
+                    }
+                    error = error.maximum_or_nan((found - expected).abs());
+                }
+            }
+        }
+    }
+    Ok(Verdict::within("each pixel the sum over all pixels of the disc", error, 1e-5))
 }

@@ -1,4 +1,4 @@
-//! Images blurred by a sigma, by windows and by tridiagonal systems.
+//! Images blurred by a sigma, by windows, by tridiagonal systems and by discs.
 
 mod extremes;
 
@@ -19,8 +19,13 @@ pub(crate) fn entry() -> Entry {
     gaussian_blur_of_an_image_by_a_sigma(&mut entry);
     gaussian_blur_by_tridiagonal_systems(&mut entry);
     gaussian_blur_by_a_window_that_sees_the_whole_image(&mut entry);
+    gaussian_blur_by_a_disc(&mut entry);
+    gaussian_blur_by_a_disc_at_half_the_size(&mut entry);
     benchmark!(entry, "gaussian_blur", |s| [s.image, Tensor::scalar(2.0)], |x| {
         gaussian_blur(x[0], x[1], &Blur::default())?
+    });
+    benchmark!(entry, "gaussian_blur, a disc", |s| [s.image, Tensor::scalar(2.0)], |x| {
+        gaussian_blur(x[0], x[1], &Blur { kernel: Kernel::Disc, ..Blur::default() })?
     });
     entry
 }
@@ -33,10 +38,11 @@ struct GaussianBlur {
 impl Subject for GaussianBlur {
     /// An image and a sigma.
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
-        let state = match self.blur.radius {
+        let state = match (self.blur.kernel, self.blur.radius) {
+            (Kernel::Disc, _) => touched_pixels(inputs[1], &self.blur)?,
             // Where the window is fixed, taps that are cut off as negligible are no kink.
-            Radius::Fixed(_) => 0,
-            Radius::Tolerance(_) => reach(inputs[1], &self.blur)?,
+            (_, Radius::Fixed(_)) => 0,
+            (_, Radius::Tolerance(_)) => reach(inputs[1], &self.blur)?,
         };
         let image = gaussian_blur(inputs[0], inputs[1], &self.blur)?;
         Ok(Outcome::from(image).with_state(state))
@@ -48,6 +54,23 @@ impl Subject for GaussianBlur {
 fn reach<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError> {
     let tape = Tape::new();
     let impulse = Tensor::from_flat_fn([1, 201, 1], |k| T::from_f64(f64::from(u8::from(k == 100))));
+    let blur = Blur { border: Border::Zero, ..*blur };
+    let out = gaussian_blur(tape.constant(&impulse), tape.constant(&sigma.value()), &blur)?;
+    Ok(out.value().data().iter().filter(|&&entry| entry != T::ZERO).count())
+}
+
+/// The number of pixels that a disc touches: the rim passes a corner or a side where it changes.
+fn touched_pixels<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError> {
+    let tape = Tape::new();
+    // A disc reaches 2 sigma, and a little farther where it is blurred at half the size. An error is left to the
+    // image's own blur.
+    let value = sigma.value().data()[0].to_f64();
+    let reach = if value < 100.0 { 2.0 * value } else { 0.0 };
+    let reach = reach as usize + 8;
+    let side = 2 * reach + 1;
+    let center = reach * side + reach;
+    let impulse = |k: usize| T::from_f64(f64::from(u8::from(k == center)));
+    let impulse = Tensor::from_flat_fn([side, side, 1], impulse);
     let blur = Blur { border: Border::Zero, ..*blur };
     let out = gaussian_blur(tape.constant(&impulse), tape.constant(&sigma.value()), &blur)?;
     Ok(out.value().data().iter().filter(|&&entry| entry != T::ZERO).count())
@@ -96,6 +119,18 @@ fn refusing(check: Check, blur: Blur) -> Check {
             let rule = "a sigma at which the unnormalized kernel does not overflow";
             check.refuses(format!("gaussian_blur needs {rule}, got sigma {}", 1e-200), by(1e-200))
         }
+        Kernel::Disc => {
+            let message =
+                "gaussian_blur needs a sigma of at most 1024 for a disc, got sigma 1024.5";
+            check.refuses(message, by(1024.5))
+        }
+        _ => check,
+    };
+    let check = match blur {
+        Blur { kernel: Kernel::Disc, radius: Radius::Fixed(_), .. } => {
+            let rule = "a disc that lies within the fixed radius, and within 512 pixels";
+            check.refuses(format!("gaussian_blur needs {rule}, got sigma 5"), by(5.0))
+        }
         _ => check,
     };
     // At sigma 0 too, where the blur is the identity.
@@ -138,6 +173,42 @@ fn gaussian_blur_by_tridiagonal_systems(entry: &mut Entry) {
     entry.check(
         Check::from_cases("gaussian_blur by tridiagonal systems", cases)
             .large(1, Just(by(Border::Mirror, (1e-6, 4), [100, 80], 1.5))),
+    );
+}
+
+fn gaussian_blur_by_a_disc(entry: &mut Entry) {
+    // Discs that reach no corner of their pixel, discs of some pixels, and discs wider than the image.
+    let sigmas = prop_oneof![2 => 0.02..0.42_f64, 4 => 0.44..2.0_f64, 1 => 2.0..3.9_f64];
+    for radius in [Radius::Fixed(8), Radius::Tolerance(1e-4)] {
+        let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
+        let cases = (sigmas.clone(), borders, image()).prop_map(move |(sigma, border, image)| {
+            let inputs = [image, Tensor::scalar(sigma)].map(Input::leaf);
+            let blur = Blur { kernel: Kernel::Disc, border, radius };
+            Case::new(GaussianBlur { blur }, inputs)
+        });
+        let blur = Blur { kernel: Kernel::Disc, border: Border::Mirror, radius };
+        let name = format!("gaussian_blur, Disc, {radius:?}");
+        let check = Check::from_cases(name, cases).large(1, Just(large_blur(blur)));
+        entry.check(refusing(check, blur));
+    }
+}
+
+fn gaussian_blur_by_a_disc_at_half_the_size(entry: &mut Entry) {
+    let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
+    let by = |border, size: [usize; 2], sigma: f64| {
+        let blur = Blur { kernel: Kernel::Disc, border, radius: Radius::Tolerance(0.15) };
+        let [height, width] = size;
+        let image = Input::leaf(Tensor::from_flat_fn([height, width, 2], motley));
+        Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])
+    };
+    // Halved once, and twice from a sigma of 8.1 on.
+    let sigmas = prop_oneof![3 => 4.1..7.9_f64, 1 => 8.2..10.0_f64];
+    let cases = (borders, [1..=20_usize, 1..=20_usize], sigmas)
+        .prop_map(move |(border, size, sigma)| by(border, size, sigma));
+    entry.check(
+        Check::from_cases("gaussian_blur by a disc at half the size", cases)
+            .cases(12)
+            .large(1, Just(by(Border::Mirror, [150, 131], 6.0))),
     );
 }
 

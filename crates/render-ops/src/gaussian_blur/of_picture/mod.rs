@@ -97,6 +97,7 @@ impl<'t, T: Scalar> Blurred<'t, T> {
         let is_identity = blur.kernel != Kernel::Unnormalized && sigma == T::ZERO;
         let order = GaussianBlur { blur: *blur }.order(sigma.to_f64(), [size.width, size.height]);
         Ok(backdrop.kind == Kind::Color
+            && blur.kernel != Kernel::Disc
             && !backdrop.values.needs_gradient()
             // Its adjoint adds what lies beyond the border to far rows.
             && blur.border != Border::Clamp

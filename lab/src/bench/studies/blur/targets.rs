@@ -56,6 +56,7 @@ fn name(kernel: Kernel) -> &'static str {
         Kernel::Unnormalized => "unnormalized",
         Kernel::Sampled => "sampled",
         Kernel::Discrete => "discrete",
+        Kernel::Disc => "disc",
     }
 }
 
