@@ -46,7 +46,7 @@ fn bytes_per_pixel(pixels: usize, work: impl FnOnce() -> Result<(), FitError> + 
 }
 
 /// Three steps on a sphere of `around` x `along` quads with a colour at each vertex: parameters, target, tape.
-fn of_steps<T: Scalar>([around, along]: [usize; 2], options: RasterOptions) -> f64 {
+fn bytes_of_steps<T: Scalar>([around, along]: [usize; 2], options: RasterOptions) -> f64 {
     let (faces, positions) = sphere(RADIUS, around, along);
     let colors = positions.map(|x: f64| x / (2.0 * RADIUS) + 0.5);
     let mesh = Mesh::new(faces, positions.shape()[0]).unwrap();
@@ -88,7 +88,7 @@ fn of_fit(experiment: Experiment, silhouettes: Silhouettes, side: usize) -> f64 
 
 #[test]
 fn steps_on_80_thousand_faces_peak_below_100_bytes_per_pixel() {
-    let peak = of_steps::<f32>([288, 140], RasterOptions::new(Size::square(SIDE)));
+    let peak = bytes_of_steps::<f32>([288, 140], RasterOptions::new(Size::square(SIDE)));
     assert!(peak > 12.0, "the target alone takes 12 bytes per pixel, got {peak}");
     assert!(peak < 100.0, "{peak} bytes per pixel");
     println!("{peak:.1} bytes per pixel");
@@ -98,7 +98,7 @@ fn steps_on_80_thousand_faces_peak_below_100_bytes_per_pixel() {
 fn steps_in_f64_on_large_images_peak_below_100_bytes_per_pixel() {
     for sampling in [Sampling::Center, Sampling::Exact] {
         let options = RasterOptions::new(Size::square(SIDE)).cull(Cull::Back).sampling(sampling);
-        let peak = of_steps::<f64>([32, 17], options);
+        let peak = bytes_of_steps::<f64>([32, 17], options);
         assert!(peak > 24.0, "the target alone takes 24 bytes per pixel, got {peak}");
         assert!(peak < 100.0, "{sampling:?}: {peak} bytes per pixel");
         println!("{sampling:?}: {peak:.1} bytes per pixel");

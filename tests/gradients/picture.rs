@@ -2,37 +2,39 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var, hvp, jvp};
 use bokashi_render_ops::{
-    Background, Fragments, Mesh, PixelLoss, RasterOptions, RenderError, Sampling, Size, antialias,
+    Background, Mesh, Picture, PixelLoss, RasterOptions, RenderError, Sampling, Size, antialias,
     composite, rasterize,
 };
 
 const SIZE: Size = Size { width: 24, height: 17 };
 
-/// Two faces, one in front of the other, both with silhouettes.
-fn fragments<T: Scalar>(tape: &Tape<T>, sampling: Sampling) -> Fragments<'_, T> {
-    let clip = [
-        [-0.9, -0.8, 0.2, 1.0],
-        [0.7, -0.6, 0.3, 1.1],
-        [-0.1, 0.9, 0.1, 0.9],
-        [0.9, 0.7, 0.0, 1.2],
-        [-0.3, 0.1, -0.2, 1.0],
-        [0.2, -0.7, 0.1, 1.0],
-    ];
-    let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
-    let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
-    rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling).creases(&[])).unwrap()
+const CORNERS: [f64; 12] = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+
+/// A face of vertices at `clip` whose channels are all `value`, before a background.
+fn face_before<'t, T: Scalar>(
+    clip: Var<'t, T>,
+    value: f64,
+    channels: usize,
+    background: Background<'t, T>,
+    sampling: Sampling,
+) -> Picture<'t, T> {
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let options = RasterOptions::new(SIZE).sampling(sampling);
+    let fragments = rasterize(clip, &mesh, options.creases(&[])).unwrap();
+    let shape = [fragments.coverage.count(), channels];
+    let values = clip.tape().constant_full(shape, T::from_f64(value));
+    let picture = composite(values, &fragments, background).unwrap();
+    match sampling {
+        Sampling::Center => antialias(picture).unwrap(),
+        Sampling::Exact | Sampling::Outline => picture.into(),
+    }
 }
 
 /// The sum of the channels of the image before `sky`, or of its squared error, each apart.
 fn channels_before<'t, T: Scalar>(sky: Var<'t, T>, sampling: Sampling) -> [Var<'t, T>; 2] {
-    let tape = sky.tape();
-    let fragments = fragments(tape, sampling);
-    let values = tape.constant_full([fragments.coverage.count(), 2], T::from_f64(0.3));
-    let picture = composite(values, &fragments, Background::Color(sky)).unwrap();
-    let picture = match sampling {
-        Sampling::Center => antialias(picture).unwrap(),
-        Sampling::Exact | Sampling::Outline => picture.into(),
-    };
+    let clip = Tensor::from_flat_fn([3, 4], |k| T::from_f64(CORNERS[k]));
+    let clip = sky.tape().leaf(&clip);
+    let picture = face_before(clip, 0.3, 2, Background::Color(sky), sampling);
     let image = picture.image().unwrap();
     let sums = image.reshape([SIZE.pixels(), 2]).unwrap().sum_axis(0).unwrap();
     let goal = Tensor::zeros([SIZE.height, SIZE.width, 2]);
@@ -68,39 +70,24 @@ fn derivatives_along_a_grey_background_are_told_apart_by_channel_and_never_lost(
 #[test]
 fn at_a_perfect_fit_silhouettes_have_their_curvature() {
     for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
-        let corners = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
-        let corners = Tensor::new([3, 4], corners.to_vec()).unwrap();
-        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let options = RasterOptions::new(SIZE).sampling(sampling);
-        fn image<'t, T: Scalar>(
-            clip: Var<'t, T>,
-            mesh: &Mesh,
-            options: RasterOptions,
-        ) -> Var<'t, T> {
-            let fragments = rasterize(clip, mesh, options.creases(&[])).unwrap();
-            let white = [fragments.coverage.count(), 1];
-            let white = clip.tape().constant_full(white, T::ONE);
-            let picture = composite(white, &fragments, Background::Zero).unwrap();
-            let picture = match options.sampling {
-                Sampling::Center => antialias(picture).unwrap(),
-                Sampling::Exact | Sampling::Outline => picture.into(),
-            };
-            picture.image().unwrap()
+        let corners = Tensor::new([3, 4], CORNERS.to_vec()).unwrap();
+        fn image<T: Scalar>(clip: Var<'_, T>, sampling: Sampling) -> Var<'_, T> {
+            face_before(clip, 1.0, 1, Background::Zero, sampling).image().unwrap()
         }
         let tape = Tape::<f64>::new();
-        let goal = image(tape.leaf(&corners), &mesh, options).value();
+        let goal = image(tape.leaf(&corners), sampling).value();
         let along = Tensor::from_flat_fn([3, 4], |k| [1.0, -0.5][k % 2] * ((k / 4) as f64));
         let along = along.map(|entry: f64| 0.1 * entry);
         let products = hvp(&mut Tape::new(), &[(&corners, &along)], |x| {
             let goal = x[0].tape().constant(&goal.cast());
-            Ok::<_, RenderError>((image(x[0], &mesh, options) - goal).square().sum())
+            Ok::<_, RenderError>((image(x[0], sampling) - goal).square().sum())
         });
         let [_, product] = &products.unwrap()[0];
         let gradient = |step: f64| {
             let tape = Tape::<f64>::new();
             let moved = corners.data().iter().zip(along.data()).map(|(x, v)| x + step * v);
             let x = tape.leaf(&Tensor::new([3, 4], moved.collect()).unwrap());
-            let loss = (image(x, &mesh, options) - tape.constant(&goal)).square().sum();
+            let loss = (image(x, sampling) - tape.constant(&goal)).square().sum();
             loss.backward().unwrap().get_or_zeros(x)
         };
         let h = 1e-5;

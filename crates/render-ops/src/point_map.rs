@@ -12,6 +12,7 @@ use crate::dispatch::dispatch;
 use crate::row_map::sum_rows;
 
 /// Points in one piece of work.
+// Tests of projections repeat it, so as to have several pieces.
 pub(crate) const POINTS_PER_PIECE: usize = 1 << 13;
 
 /// Writes `M (p_i, 1)` for `points: [V, 3]` to `out: [V, N]`.

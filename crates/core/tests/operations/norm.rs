@@ -34,7 +34,7 @@ fn lengths_are_roots_of_inner_products_at_every_extent() {
 
 #[test]
 fn neither_large_nor_small_entries_lose_the_length() {
-    fn of<T: Scalar, const N: usize>(vector: [f64; N]) -> (f64, [f64; N]) {
+    fn norm_and_gradient<T: Scalar, const N: usize>(vector: [f64; N]) -> (f64, [f64; N]) {
         let tape = Tape::<T>::new();
         let x = tape.leaf(&Tensor::from(vector.map(T::from_f64)));
         let y = x.norm().unwrap();
@@ -42,18 +42,18 @@ fn neither_large_nor_small_entries_lose_the_length() {
         (y.item().to_f64(), std::array::from_fn(|k| x_bar.data()[k].to_f64()))
     }
     for scale in [1e-300, 1e-200, 1.0, 1e200, 1e300] {
-        let (length, x_bar) = of::<f64, 3>([2.0 * scale, -3.0 * scale, 6.0 * scale]);
+        let (length, x_bar) = norm_and_gradient::<f64, 3>([2.0 * scale, -3.0 * scale, 6.0 * scale]);
         assert!((length / scale - 7.0).abs() < 1e-14, "{scale}: {length}");
         assert!((x_bar[1] + 3.0 / 7.0).abs() < 1e-15, "{scale}: {x_bar:?}");
     }
     for scale in [1e-38_f32, 1e-20, 1e20, 4e37] {
         let scale = f64::from(scale);
-        let (length, x_bar) = of::<f32, 3>([2.0 * scale, -3.0 * scale, 6.0 * scale]);
+        let (length, x_bar) = norm_and_gradient::<f32, 3>([2.0 * scale, -3.0 * scale, 6.0 * scale]);
         assert!((length / scale - 7.0).abs() < 1e-6, "{scale}: {length}");
         assert!((x_bar[1] + 3.0 / 7.0).abs() < 1e-7, "{scale}: {x_bar:?}");
     }
     // The gradient is right even where the length itself is beyond the largest number.
-    assert_eq!(of::<f64, 4>([f64::MAX; 4]), (f64::INFINITY, [0.5; 4]));
+    assert_eq!(norm_and_gradient::<f64, 4>([f64::MAX; 4]), (f64::INFINITY, [0.5; 4]));
 }
 
 #[test]

@@ -40,7 +40,7 @@ const ALL: [At; 9] = [
 struct Breaks(At);
 
 impl Breaks {
-    fn at(&self, at: At) {
+    fn break_at(&self, at: At) {
         assert!(self.0 != at, "broken off");
     }
 }
@@ -72,12 +72,12 @@ impl Op<f64> for Breaks {
             At::Reshaping => outputs.push_renamed([shape.size() + 1], 0),
             _ => outputs.push_renamed(shape.clone(), 0),
         }
-        self.at(At::Forward);
+        self.break_at(At::Forward);
         Ok(())
     }
 
     fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
-        self.at(At::Keeps);
+        self.break_at(At::Keeps);
         Keep::NOTHING
     }
 
@@ -91,11 +91,11 @@ impl Op<f64> for Breaks {
         if let Some(x_bar) = gradients.get(0) {
             x_bar.add_each(|_| 1e3);
         }
-        self.at(At::Backward);
+        self.break_at(At::Backward);
     }
 
     fn saved_bytes(&self, _saved: &Vec<f64>) -> usize {
-        self.at(At::SavedBytes);
+        self.break_at(At::SavedBytes);
         0
     }
 }

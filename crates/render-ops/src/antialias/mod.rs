@@ -403,6 +403,7 @@ impl<T: Scalar> SavedBlends<T> {
 }
 
 /// Slots in one piece of the search for outlines.
+// The test of outlines in pieces repeats it.
 const SLOTS_PER_PIECE: usize = 1 << 11;
 
 /// The faces with a silhouette.

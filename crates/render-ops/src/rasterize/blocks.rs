@@ -220,5 +220,15 @@ mod tests {
         let behind = face(0.2, -0.1);
         assert!(!has_plane([behind[1], behind[0], behind[2]]));
         assert!(!has_plane([behind[1], behind[2], behind[0]]));
+        // Slivers of the law `a_sliver_is_seen_where_it_is_the_nearer_one`: among them are some of each kind.
+        let sliver = |width: f64| {
+            let [left, right, middle] = [-0.6875, 0.6875, 0.4375];
+            let [low, high] = [middle - 0.125 * width, middle + 0.125 * width];
+            [[left, high, 1.35, 1.0], [right, high, -0.45, 1.0], [right, low, -0.45, 1.0]]
+        };
+        assert!(has_plane(sliver(1e-4)));
+        let thin = [1e-9, 1e-10, 3e-11, 1e-11].map(|width| setup(&sliver(width), size));
+        let uncertain = thin.into_iter().flatten().filter(|setup| !setup.has_plane());
+        assert!(uncertain.count() > 1);
     }
 }

@@ -266,5 +266,11 @@ mod tests {
             let clip = off_line.map(|[x, y]| [x + shift, y, 0.0, 1.0]);
             assert_eq!([[0, 1, 2], [0, 2, 1]].map(|face| orientation(&clip, face)), [1, -1]);
         }
+        // So far to the side that the determinant lies among the smallest numbers, and not at 0.
+        let far =
+            [[1e164, 1e6, 0.0, 40.0], [-1e164, -7e5, 0.0, 300.0], [5e163, 1.3e6, 0.0, -200.0]];
+        let [p, q, r] = [0, 1, 2].map(|k| Corner::new(far.as_flattened(), k, size).vertex);
+        assert_ne!(determinant(p, edge(q, r)), 0.0);
+        assert_eq!(orientation(&far, [0, 1, 2]), 0);
     }
 }

@@ -38,7 +38,7 @@ fn focused(
 }
 
 /// [`depth_of_field`], by its four variables.
-fn of<'t>(
+fn focused_variables<'t>(
     image: Var<'t, f64>,
     depth: Var<'t, f64>,
     aperture: Var<'t, f64>,
@@ -161,7 +161,7 @@ fn windows_keep_a_constant_image_to_the_bit_and_it_moves_with_nothing() {
     let image = tape.leaf(&Tensor::full(SHAPE, 0.7));
     let (depth, aperture, focus) =
         (tape.leaf(&depths()), tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
-    let out = of(image, depth, aperture, focus, &options).unwrap().image;
+    let out = focused_variables(image, depth, aperture, focus, &options).unwrap().image;
     assert_eq!(out.value(), image.value());
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
     for leaf in [depth, aperture, focus] {
@@ -184,7 +184,8 @@ fn an_aperture_of_zero_is_the_image_itself_and_leaves_no_trace() {
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
     let (aperture, focus) = (tape.leaf_scalar(0.0), tape.leaf_scalar(3.0));
     let before = tape.len();
-    let out = of(image, depth, aperture, focus, &LensOptions::default()).unwrap().image;
+    let out =
+        focused_variables(image, depth, aperture, focus, &LensOptions::default()).unwrap().image;
     assert_eq!(tape.len(), before);
     assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
     assert!(format!("{:?}", tape.take_report()).contains("aperture is 0"));
@@ -203,7 +204,7 @@ fn near_the_eye_the_blur_is_capped_and_counted() {
     let tape = Tape::new();
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&Tensor::zeros([6, 9])));
     let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
-    let out = of(image, depth, aperture, focus, &options).unwrap().image;
+    let out = focused_variables(image, depth, aperture, focus, &options).unwrap().image;
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
     for leaf in [depth, aperture, focus] {
         assert!(gradients.get_or_zeros(leaf).data().iter().all(|&bar| bar == 0.0));
@@ -217,7 +218,7 @@ fn a_pixel_at_infinity_has_no_gradient_in_its_depth() {
         let tape = Tape::new();
         let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
         let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
-        let found = of(image, depth, aperture, focus, &options).unwrap();
+        let found = focused_variables(image, depth, aperture, focus, &options).unwrap();
         assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
         let depth_bar = tape.vjp(&[(found.image, &upstream())]).unwrap().get_or_zeros(depth);
         assert!(depth_bar.is_finite() && depth_bar.data()[20] == 0.0);

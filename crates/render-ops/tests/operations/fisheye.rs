@@ -16,7 +16,7 @@ fn shown(lens: [f64; 4], points: &[[f64; 3]]) -> Vec<DVec3> {
 }
 
 /// A point at an angle off the axis, in some direction around it.
-fn at(angle: f64, around: f64, distance: f64) -> [f64; 3] {
+fn point_at_angle(angle: f64, around: f64, distance: f64) -> [f64; 3] {
     let (sin, cos) = angle.sin_cos();
     [sin * around.cos(), sin * around.sin(), cos].map(|x| distance * x)
 }
@@ -68,7 +68,7 @@ fn points_are_shown_as_opencv_says() {
 #[test]
 fn a_fisheye_sees_behind_itself() {
     for angle in [1.0, FRAC_PI_2, 2.0, 2.6] {
-        let found = shown([0.0; 4], &[at(angle, 0.7, 3.0)])[0];
+        let found = shown([0.0; 4], &[point_at_angle(angle, 0.7, 3.0)])[0];
         let expected = 3.0 * DVec3::new(angle * 0.7_f64.cos(), angle * 0.7_f64.sin(), 1.0);
         assert!(found.abs_diff_eq(expected, 1e-14), "{found} and not {expected}");
     }
@@ -99,16 +99,18 @@ fn what_lies_farther_out_is_shown_farther_out_and_beyond_the_image_ends_behind()
         let limit = fisheye_limit(lens);
         // The angle that a pinhole would see.
         let angles: Vec<_> = (1..=1000)
-            .map(|k| shown(lens, &[at(PI * k as f64 / 1000.0, 0.4, 2.0)])[0])
+            .map(|k| shown(lens, &[point_at_angle(PI * k as f64 / 1000.0, 0.4, 2.0)])[0])
             .map(|found| found.truncate().length().atan2(found.z))
             .collect();
         assert!(angles.windows(2).all(|pair| pair[0] < pair[1]), "{lens:?}");
         assert!((angles[999] - PI).abs() < 1e-12);
         // No leap at the rim; and around the axis behind the camera all directions meet.
-        let beside = [1.0 - 1e-12, 1.0 + 1e-12].map(|share| at(share * limit, 0.4, 2.0));
+        let beside =
+            [1.0 - 1e-12, 1.0 + 1e-12].map(|share| point_at_angle(share * limit, 0.4, 2.0));
         let [inside, outside] = [0, 1].map(|k| shown(lens, &beside)[k]);
         assert!(inside.abs_diff_eq(outside, 1e-9), "{inside} {outside}");
-        let meet = shown(lens, &[0.0, 2.0, 4.0].map(|around| at(PI - 1e-10, around, 1.0)));
+        let meet =
+            shown(lens, &[0.0, 2.0, 4.0].map(|around| point_at_angle(PI - 1e-10, around, 1.0)));
         let axis = shown(lens, &[[0.0, 0.0, -1.0]])[0];
         assert!(axis.truncate().length() == 0.0 && axis.z < 0.0, "{axis}");
         assert!(meet.iter().all(|found| found.abs_diff_eq(axis, 1e-8)), "{meet:?}");

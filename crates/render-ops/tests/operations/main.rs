@@ -2,6 +2,7 @@
 
 mod antialias;
 mod assembly;
+mod blurred_pictures;
 mod camera;
 mod composite;
 mod composite_layers;
@@ -23,7 +24,6 @@ mod interpolate;
 mod interpolate_differentials;
 mod losses;
 mod mesh;
-mod of_picture;
 mod over;
 mod perturbed_normals;
 mod picture;

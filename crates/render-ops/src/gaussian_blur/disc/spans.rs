@@ -44,8 +44,8 @@ pub(super) struct Strip<T> {
     /// The colour that is taken off, again and again.
     reference: Vec<T>,
     /// The steps of the column in the middle, and of pairs of columns beside it.
-    middle: Vec<LookUp<T>>,
-    beside: Vec<LookUp<T>>,
+    middle: Vec<SpanEnds<T>>,
+    beside: Vec<SpanEnds<T>>,
 }
 
 impl<T: Scalar> Strip<T> {
@@ -183,7 +183,7 @@ impl<'a, T: Scalar> Spans<'a, T> {
                 let low = columns.map(|column| (reach - span) * stride + column);
                 let high = (2 * span + 1) * stride;
                 let list = if k == 0 { &mut *middle } else { &mut *beside };
-                list.push(LookUp { low, high, weight, slope });
+                list.push(SpanEnds { low, high, weight, slope });
             }
         }
     }
@@ -191,7 +191,7 @@ impl<'a, T: Scalar> Spans<'a, T> {
 
 /// A step of a pair of columns.
 #[derive(Debug, Clone, Copy)]
-struct LookUp<T> {
+struct SpanEnds<T> {
     /// Where the sums above the span stand, in the left and in the right column.
     low: [usize; 2],
     /// How much farther those at its end stand.
@@ -210,7 +210,7 @@ fn sum_block<T: Scalar, const SLOPE: bool>(
 ) -> [[T; BLOCK]; 2] {
     let (mut values, mut slopes) = ([T::ZERO; BLOCK], [T::ZERO; BLOCK]);
     let sums = &memory.sums[row + place..];
-    for &LookUp { low: [low, _], high, weight, slope } in &memory.middle {
+    for &SpanEnds { low: [low, _], high, weight, slope } in &memory.middle {
         let (above, below) = (block(sums, low), block(sums, low + high));
         for i in 0..BLOCK {
             let span = below[i] - above[i];
@@ -220,7 +220,7 @@ fn sum_block<T: Scalar, const SLOPE: bool>(
             }
         }
     }
-    for &LookUp { low: [left, right], high, weight, slope } in &memory.beside {
+    for &SpanEnds { low: [left, right], high, weight, slope } in &memory.beside {
         let (above_left, below_left) = (block(sums, left), block(sums, left + high));
         let (above_right, below_right) = (block(sums, right), block(sums, right + high));
         for i in 0..BLOCK {
