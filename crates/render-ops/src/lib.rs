@@ -37,6 +37,7 @@
 //! | light | [`shade()`] a [`Surface`] of a [`Material`] under [`Light`]s; [`Environment`], [`irradiance()`], [`reflect()`] |
 //! | a picture in one call | [`render()`] with [`RasterOptions`] and [`Silhouettes`]; after a shader [`Fragments::picture`] |
 //! | pictures | [`composite()`] before a [`Background`], [`antialias()`], [`Picture`], [`composite_layers()`], [`over()`] |
+//! | through a lens | [`lens_picture()`] of a [`LensLayer`] and those behind it, by a [`ThinLens`] |
 //! | images | [`gaussian_blur()`], [`depth_of_field()`], [`downsample()`], [`srgb_encode()`], [`srgb_decode()`], [`exposure()`] |
 //! | losses of pictures | [`Picture::loss`] and [`Blurred::loss`] by a [`PixelLoss`], at the cost of what is covered |
 //!
@@ -86,6 +87,7 @@ mod homogeneous;
 mod image;
 mod interpolate;
 mod interpolate_differentials;
+mod lens;
 mod losses;
 mod matrix;
 mod mesh;
@@ -151,6 +153,7 @@ pub use gaussian_blur::{Blurred, gaussian_blur};
 pub use glam;
 pub use interpolate::{interpolate, interpolate_indexed};
 pub use interpolate_differentials::{interpolate_differentials, interpolate_differentials_indexed};
+pub use lens::{LensLayer, LensPicture, ThinLens, ThinLensOptions, lens_picture};
 pub use mesh::{Adjacency, Mesh};
 pub use over::over;
 pub use perturbed_normals::perturbed_normals;

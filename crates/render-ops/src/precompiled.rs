@@ -22,6 +22,7 @@ use crate::filter::Filter;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
 use crate::interpolate_differentials::interpolate_differentials;
+use crate::lens::{LensLayer, ThinLens, ThinLensOptions, lens_picture};
 use crate::mesh::Mesh;
 use crate::over::over;
 use crate::perturbed_normals::perturbed_normals;
@@ -102,6 +103,9 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
     let lens = Lens { aperture: x, focus: x };
     depth_of_field(image, distances, lens, &LensOptions::default())?;
+    let layer = LensLayer { fragments: &fragments, premultiplied: x, alpha: x, distance: x };
+    let lens = ThinLens::from_radius(x, x, x)?;
+    lens_picture(layer, &[layer], Background::Zero, 1.0, lens, &ThinLensOptions::default())?;
     downsample(image, 1, &Filter::Mitchell, Border::Mirror)?;
     face_normals(x, &mesh)?;
     let normals = vertex_normals(x, &mesh, Weighting::Area)?;

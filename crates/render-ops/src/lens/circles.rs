@@ -1,0 +1,99 @@
+//! Circles of confusion, signed.
+//!
+//! # Forward
+//! A lens focused at `f` sees what the pinhole picture shows at depth z as a disc of radius `|s|` pixels,
+//! `s = K (1 - f / z)`: below 0 in front of the focus, above 0 behind it, K at infinity, and no farther from 0
+//! than a cap. Through the point p of the unit disc, the lens sees at a pixel x what the pinhole picture shows
+//! at `x + p s`: so s says how much is blurred, and what is in front of what.
+//!
+//! # Backward
+//! `ds/dz = K f / z^2`, `ds/dK = 1 - f / z`, `ds/df = -K / z`; all three are 0 where s is capped.
+//!
+//! # Where it is not smooth
+//! Where s reaches its cap.
+
+use bokashi_core::Scalar;
+
+/// The signed radius of a circle of confusion, in pixels, and its derivatives.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Circle<S> {
+    pub(super) radius: S,
+    pub(super) by_distance: S,
+    pub(super) by_aperture: S,
+    pub(super) by_focus: S,
+    pub(super) is_capped: bool,
+}
+
+/// A lens, in numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Optics<S> {
+    /// K, in pixels.
+    pub(super) aperture: S,
+    pub(super) focus: S,
+    /// The cap, in pixels.
+    pub(super) largest: f64,
+}
+
+impl<S: Scalar> Optics<S> {
+    /// The circle of confusion of what is `z` away.
+    pub(super) fn circle(&self, z: S) -> Circle<S> {
+        let Self { aperture, focus, largest } = *self;
+        if aperture == S::ZERO {
+            return Circle::default();
+        }
+        let out_of_focus = S::ONE - focus / z;
+        let radius = aperture * out_of_focus;
+        // At distance 0 it is infinite, and of -0 on the wrong side.
+        if z == S::ZERO || radius.abs() > S::from_f64(largest) {
+            let side = if z == S::ZERO || radius < S::ZERO { -1.0 } else { 1.0 };
+            let radius = S::from_f64(side * largest);
+            return Circle { radius, is_capped: true, ..Circle::default() };
+        }
+        Circle {
+            radius,
+            by_distance: aperture * (focus / z / z),
+            by_aperture: out_of_focus,
+            by_focus: -aperture / z,
+            is_capped: false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPTICS: Optics<f64> = Optics { aperture: 4.0, focus: 2.0, largest: 20.0 };
+
+    #[test]
+    fn a_circle_is_zero_in_focus_below_in_front_and_the_aperture_at_infinity() {
+        let radii =
+            [0.0, -0.0, 1e-300, 1.0, 2.0, 4.0, f64::INFINITY].map(|z| OPTICS.circle(z).radius);
+        assert_eq!(radii, [-20.0, -20.0, -20.0, -4.0, 0.0, 2.0, 4.0]);
+        let slopes = OPTICS.circle(f64::INFINITY);
+        assert_eq!((slopes.by_distance, slopes.by_aperture), (0.0, 1.0));
+        assert!(slopes.by_focus == 0.0 && OPTICS.circle(1e-300).is_capped);
+    }
+
+    #[test]
+    fn slopes_are_those_of_differences() {
+        let step = 1e-6;
+        for z in [0.7, 1.9, 5.0] {
+            let circle = OPTICS.circle(z);
+            let quotient =
+                |change: &dyn Fn(f64) -> f64| (change(step) - change(-step)) / (2.0 * step);
+            let by_distance = quotient(&|d| OPTICS.circle(z + d).radius);
+            let by_aperture =
+                quotient(&|d| Optics { aperture: OPTICS.aperture + d, ..OPTICS }.circle(z).radius);
+            let by_focus =
+                quotient(&|d| Optics { focus: OPTICS.focus + d, ..OPTICS }.circle(z).radius);
+            for (slope, quotient) in [
+                (circle.by_distance, by_distance),
+                (circle.by_aperture, by_aperture),
+                (circle.by_focus, by_focus),
+            ] {
+                assert!((slope - quotient).abs() < 1e-8, "{slope} is not {quotient}");
+            }
+        }
+    }
+}
