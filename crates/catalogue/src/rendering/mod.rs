@@ -16,6 +16,7 @@ pub(crate) mod face_normals;
 pub(crate) mod gaussian_blur;
 pub(crate) mod interpolate;
 pub(crate) mod irradiance;
+pub(crate) mod lens_picture;
 pub(crate) mod lenses;
 pub(crate) mod motions;
 pub(crate) mod over;
