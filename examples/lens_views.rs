@@ -70,13 +70,10 @@ fn drawn(lens: ThinLens<'_, f64>) -> Result<Var<'_, f64>, Box<dyn Error>> {
     let visible = rasterize(clip, &mesh, exact.creases(&[colors.into()]))?;
     let hidden = depth_layers(clip, &mesh, size, Some(2))?;
     let layer = |fragments| -> Result<_, RenderError> {
-        let count = fragments.coverage.count();
-        Ok(LensLayer {
-            fragments,
-            premultiplied: interpolate(colors, fragments)?,
-            alpha: tape.constant(&Tensor::full([count], 1.0)),
-            distance: eye_depth(fragments)?.values(),
-        })
+        let premultiplied = interpolate(colors, fragments)?;
+        let alpha = tape.constant_full([fragments.coverage.count()], 1.0);
+        let distance = eye_depth(fragments)?.values();
+        Ok(LensLayer { fragments, premultiplied, alpha, distance })
     };
     let behind = hidden.iter().map(layer).collect::<Result<Vec<_>, _>>()?;
     let options = ThinLensOptions { margin: MARGIN, ..ThinLensOptions::default() };
@@ -89,7 +86,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let tape = Tape::new();
         let lens = ThinLens { aperture: tape.leaf_scalar(6.0), focus: tape.leaf_scalar(2.5) };
         let image = if count > 0 { views(lens, count)? } else { drawn(lens)? };
-        let contrast = image.square().mean();
+        let contrast = image.square().mean()?;
         let gradients = contrast.backward()?;
         let [by_aperture, by_focus] =
             [lens.aperture, lens.focus].map(|number| gradients.get_or_zeros(number).item());
