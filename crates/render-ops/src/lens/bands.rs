@@ -135,7 +135,7 @@ pub(super) fn fill_rungs<T: Scalar>(
         *told = Told::default();
         benches.with(|bench| {
             for_each_pixel(view, frame.rows(band), &mut bench.found, |pixel, found| {
-                let [row, column] = size.place(pixel);
+                let [row, column] = size.row_and_column(pixel);
                 told.add(found.piece);
                 for part in &found.parts {
                     let (color, alpha) = view.color(part.surface, pixel);
@@ -444,7 +444,7 @@ impl<T: Scalar> BandBars<T> {
         parts: &Parts<T::Wide>,
         link_bars: &mut Vec<LinkBar<T::Wide>>,
     ) {
-        let [row, column] = size.place(pixel);
+        let [row, column] = size.row_and_column(pixel);
         let zero = T::Wide::ZERO;
         link_bars.clear();
         link_bars.resize(parts.chain.len(), LinkBar { alpha: zero, radius: zero });
@@ -515,7 +515,7 @@ impl<T: Scalar> BandBars<T> {
         share_bar: T::Wide,
         first_bar: &mut LinkBar<T::Wide>,
     ) {
-        let place = view.visible.size().place(pixel);
+        let place = view.visible.size().row_and_column(pixel);
         for part in &parts.parts {
             let Some((piece, behind)) = view.behind(part, parts.chain[0], pixel) else { continue };
             self.weights.push((piece, share_bar * behind.share));
