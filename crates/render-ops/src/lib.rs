@@ -153,7 +153,7 @@ pub use gaussian_blur::{Blurred, gaussian_blur};
 pub use glam;
 pub use interpolate::{interpolate, interpolate_indexed};
 pub use interpolate_differentials::{interpolate_differentials, interpolate_differentials_indexed};
-pub use lens::{LensLayer, LensPicture, ThinLens, ThinLensOptions, lens_picture};
+pub use lens::{Iris, LensLayer, LensPicture, ThinLens, ThinLensOptions, lens_picture};
 pub use mesh::{Adjacency, Mesh};
 pub use over::over;
 pub use perturbed_normals::perturbed_normals;

@@ -1,13 +1,17 @@
-//! What a lens sees of blurred rungs, at one pixel.
+//! What a lens sees of blurred rungs.
 //!
 //! # Forward
-//! Rung k, from the nearest on, has at the pixel the blurred colours `C_k` and the blurred alpha `A_k`. With g of
+//! Rung k, from the nearest on, has at a pixel the blurred colours `C_k` and the blurred alpha `A_k`. With g of
 //! `hiding`, `F_k = sum_(m < k - 1) g(rho_m, rho_k) v_m` is what hides it, and
 //! `v_k = max(0, min(A_k (1 - F_k), 1 - sum_(m < k) v_m))` what is seen of it. With `q_k = v_k / A_k` the
 //! picture is `o = sum_k q_k C_k / V`, `V = sum_k v_k`.
 //!
 //! Rungs near each other add up: they are one surface, cut into rungs. Rungs apart lie over one another: what
 //! they cover of the lens is independent.
+//!
+//! Where the lens is full nothing more is seen: a rung behind is not even blurred where all pixels are full. The
+//! rungs far in front of rung k, with g = 1, are those before some rung, which moves back with k. So they are
+//! summed once.
 //!
 //! # Backward
 //! With `b = o_bar / V` and `V_bar = -o . b`, from the last rung to the first, with `q_bar = b . C_k` and
@@ -20,10 +24,14 @@
 //! Where min changes sides. Both sides are equal on whole surfaces, where alphas add up to 1, and so are their
 //! derivatives there.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 
+use super::blur::Part;
 use super::hiding::gap;
 use super::rungs::Rungs;
+use super::strips::Strip;
 
 /// g between all rungs.
 #[derive(Debug, Default)]
@@ -53,103 +61,406 @@ impl Gaps {
     }
 }
 
-/// Which argument decides what is seen of a rung.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Limit {
-    /// What hides it.
-    Hidden,
-    /// What is left.
-    Left,
-    /// It is not seen.
-    Unseen,
-}
-
-/// A rung at a pixel.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Layer<S> {
-    pub(super) rung: usize,
-    /// Which of the band's strips it is.
-    pub(super) strip: usize,
-    /// `A_k`.
-    pub(super) alpha: S,
-    /// `v_k` and `q_k`.
-    pub(super) seen: S,
-    pub(super) share: S,
-    pub(super) limit: Limit,
-}
-
-impl<S: Scalar> Layer<S> {
-    pub(super) fn new(rung: usize, strip: usize, alpha: S) -> Self {
-        Self { rung, strip, alpha, seen: S::ZERO, share: S::ZERO, limit: Limit::Unseen }
-    }
-}
+/// What is left of the lens is rounding, where it is less than so many units in the last place of 1.
+const ROUNDING: f64 = 64.0;
 
 /// How far both arguments of min lie apart where they differ by more than rounding.
-const ROUNDING: f64 = 1e-6;
+const KINK: f64 = 1e-6;
 
-/// Finds what is seen of `layers`, the nearest first; returns V, and a number that tells on which smooth piece
-/// it lies.
-pub(super) fn see<S: Scalar>(layers: &mut [Layer<S>], gaps: &Gaps) -> (S, u64) {
-    let (mut total, mut piece) = (S::ZERO, 0_u64);
-    for k in 0..layers.len() {
-        let (before, rest) = layers.split_at_mut(k);
-        let layer = &mut rest[0];
-        let mut hidden = S::ZERO;
-        for other in &*before {
-            hidden += S::from_f64(gaps.of(other.rung, layer.rung)) * other.seen;
-        }
-        let (through, left) = (S::ONE - hidden, S::ONE - total);
-        let wanted = layer.alpha * through;
-        layer.limit = if wanted <= S::ZERO || left <= S::ZERO {
-            Limit::Unseen
-        } else if wanted <= left {
-            Limit::Hidden
-        } else {
-            Limit::Left
-        };
-        (layer.seen, layer.share) = match layer.limit {
-            Limit::Hidden => (wanted, through),
-            Limit::Left => (left, left / layer.alpha),
-            Limit::Unseen => (S::ZERO, S::ZERO),
-        };
-        total += layer.seen;
-        let is_cut = (wanted - left).to_f64() > ROUNDING;
-        piece = piece.wrapping_mul(3).wrapping_add(u64::from(is_cut) + (layer.rung as u64) * 5);
-    }
-    (total, piece)
+fn rounding<T: Scalar>() -> T {
+    // Half of a digit that single numbers lack, or double ones.
+    let is_single = T::from_f64(1.0 + 1e-10).to_f64() == 1.0;
+    let unit = if is_single { f64::from(f32::EPSILON) } else { f64::EPSILON };
+    T::from_f64(ROUNDING * unit)
 }
 
-/// The gradients of the alphas of `layers`: `alpha_bar(k, bar)` takes each. `color_dots` has `b . C_k` of each,
-/// and `total_bar` is `V_bar`.
-pub(super) fn pull_back<S: Scalar>(
-    layers: &[Layer<S>],
-    gaps: &Gaps,
-    color_dots: &[S],
-    total_bar: S,
-    seen_bars: &mut Vec<S>,
-    mut alpha_bar: impl FnMut(usize, S),
-) {
-    seen_bars.clear();
-    seen_bars.resize(layers.len(), total_bar);
-    for (k, layer) in layers.iter().enumerate().rev() {
-        let (before, rest) = seen_bars.split_at_mut(k);
-        let (seen_bar, dot) = (rest[0], color_dots[k]);
-        match layer.limit {
-            Limit::Hidden => {
-                alpha_bar(k, layer.share * seen_bar);
-                let hidden_bar = -dot - layer.alpha * seen_bar;
-                for (bar, other) in before.iter_mut().zip(layers) {
-                    *bar += S::from_f64(gaps.of(other.rung, layer.rung)) * hidden_bar;
-                }
-            }
-            Limit::Left => {
-                alpha_bar(k, -dot * layer.share / layer.alpha);
-                let seen_bar = seen_bar + dot / layer.alpha;
-                before.iter_mut().for_each(|bar| *bar -= seen_bar);
-            }
-            Limit::Unseen => alpha_bar(k, S::ZERO),
+/// The lens of each pixel of a part of the picture, while its rungs are put together.
+#[derive(Debug)]
+pub(super) struct Sight<T> {
+    part: Part,
+    /// `sum v`.
+    pub(super) total: Vec<T>,
+    /// `sum v` of the rungs far in front.
+    far: Vec<T>,
+    /// How many of the rungs so far are far in front.
+    passed: usize,
+    /// For each rung so far its v, and its q as `see` gives it, as its strip lies.
+    seen: Vec<Vec<T>>,
+    shares: Vec<Vec<T>>,
+    /// F of a row.
+    hidden: Vec<T>,
+    /// Backward, `V_bar` and what is taken from all rungs in front; and what is taken from those far in front.
+    total_bar: Vec<T>,
+    far_bar: Vec<T>,
+    /// For each rung the dot products `o_bar . C_k`, then `v_bar`; and how many rungs are far in front of it.
+    dots: Vec<Vec<T>>,
+    seen_bars: Vec<Vec<T>>,
+    passed_before: Vec<usize>,
+}
+
+impl<T> Default for Sight<T> {
+    fn default() -> Self {
+        Self {
+            part: [0..0, 0..0],
+            total: Vec::new(),
+            far: Vec::new(),
+            passed: 0,
+            seen: Vec::new(),
+            shares: Vec::new(),
+            hidden: Vec::new(),
+            total_bar: Vec::new(),
+            far_bar: Vec::new(),
+            dots: Vec::new(),
+            seen_bars: Vec::new(),
+            passed_before: Vec::new(),
         }
     }
+}
+
+/// Makes a list of so many zeros.
+fn zeros<T: Scalar>(list: &mut Vec<T>, length: usize) {
+    list.clear();
+    list.resize(length, T::ZERO);
+}
+
+/// How much is seen of a rung at a pixel, v, and its share, q, below 0 where what is left decides.
+#[inline(always)]
+fn see<T: Scalar>(alpha: T, hidden: T, total: T, rounding: T) -> [T; 2] {
+    let (through, left) = (T::ONE - hidden, T::ONE - total);
+    let wanted = alpha * through;
+    let is_seen = alpha > T::ZERO && wanted > T::ZERO && left > rounding;
+    let is_hidden = wanted <= left;
+    let seen = if is_hidden { wanted } else { left };
+    let share = if is_hidden { through } else { -(left / alpha) };
+    if is_seen { [seen, share] } else { [T::ZERO; 2] }
+}
+
+#[inline(always)]
+fn size<T: Scalar>(x: T) -> T {
+    if x < T::ZERO { -x } else { x }
+}
+
+impl<T: Scalar> Sight<T> {
+    /// Begins with nothing that is seen of a part of the picture.
+    pub(super) fn begin(&mut self, part: &Part) {
+        self.part = part.clone();
+        let pixels = part[0].len() * part[1].len();
+        zeros(&mut self.total, pixels);
+        zeros(&mut self.far, pixels);
+        self.passed = 0;
+        self.passed_before.clear();
+    }
+
+    /// Where some columns of a row stand.
+    #[inline(always)]
+    fn range(&self, row: usize, columns: &Range<usize>) -> Range<usize> {
+        let start = (row - self.part[0].start) * self.part[1].len() + columns.start;
+        let start = start - self.part[1].start;
+        start..start + columns.len()
+    }
+
+    /// The columns between which something is left of the lens.
+    pub(super) fn unfilled(&self) -> Range<usize> {
+        let [_, columns] = &self.part;
+        let (width, full) = (columns.len(), T::ONE - rounding::<T>());
+        let (mut first, mut end) = (width, 0);
+        for row in self.total.chunks_exact(width.max(1)) {
+            let is_left = |total: &T| *total < full;
+            first = row[..first].iter().position(is_left).unwrap_or(first);
+            let last = row[end..].iter().rposition(is_left);
+            end = last.map_or(end, |last| end + last + 1);
+        }
+        if first < end { columns.start + first..columns.start + end } else { 0..0 }
+    }
+
+    /// Finds what is seen of the last of `strips`, after those before it; adds its colours to `out`, whose
+    /// channels are interleaved.
+    pub(super) fn add(&mut self, strips: &[Strip<T>], gaps: &Gaps, channels: usize, out: &mut [T]) {
+        crate::dispatch::dispatch_256::<T, _>(
+            #[inline(always)]
+            || self.add_strip(strips, gaps, channels, out),
+        );
+    }
+
+    #[inline(always)]
+    fn add_strip(&mut self, strips: &[Strip<T>], gaps: &Gaps, channels: usize, out: &mut [T]) {
+        let Some((strip, before)) = strips.split_last() else { return };
+        self.pass(strips, gaps);
+        let index = before.len();
+        for list in [&mut self.seen, &mut self.shares] {
+            list.resize_with(list.len().max(index + 1), Vec::new);
+        }
+        let mut own =
+            [&mut self.seen, &mut self.shares].map(|list| std::mem::take(&mut list[index]));
+        own.iter_mut().for_each(|list| list.resize(strip.plane(), T::ZERO));
+        let [own_seen, own_shares] = &mut own;
+        let rounding = rounding::<T>();
+        let columns = &strip.columns;
+        let count = columns.len();
+        for row in strip.rows.clone() {
+            self.hide(before, gaps, strip, row);
+            let range = self.range(row, columns);
+            let start = strip.offset(row, columns.start);
+            let seen = &mut own_seen[start..start + count];
+            let shares = &mut own_shares[start..start + count];
+            let alphas = strip.row(channels, row, columns.clone());
+            let (total, hidden) = (&mut self.total[range.clone()], &self.hidden[..count]);
+            for x in 0..count {
+                let [v, q] = see(alphas[x], hidden[x], total[x], rounding);
+                (seen[x], shares[x]) = (v, q);
+                total[x] += v;
+            }
+            if out.is_empty() {
+                continue;
+            }
+            let out = &mut out[range.start * channels..range.end * channels];
+            for channel in 0..channels {
+                let colors = strip.row(channel, row, columns.clone());
+                for x in 0..count {
+                    out[x * channels + channel] += size(shares[x]) * colors[x];
+                }
+            }
+        }
+        [self.seen[index], self.shares[index]] = own;
+    }
+
+    /// Lets those rungs pass that are far in front of the last one.
+    #[inline(always)]
+    fn pass(&mut self, strips: &[Strip<T>], gaps: &Gaps) {
+        let Some((strip, before)) = strips.split_last() else { return };
+        while self.passed < before.len() && gaps.of(before[self.passed].rung, strip.rung) >= 1.0 {
+            let other = &before[self.passed];
+            for row in other.rows.clone() {
+                let range = self.range(row, &other.columns);
+                let seen = &self.seen[self.passed][other.offset(row, other.columns.start)..];
+                let far = &mut self.far[range];
+                for x in 0..far.len() {
+                    far[x] += seen[x];
+                }
+            }
+            self.passed += 1;
+        }
+        self.passed_before.push(self.passed);
+    }
+
+    /// F of a row of a strip, in `hidden`.
+    #[inline(always)]
+    fn hide(&mut self, before: &[Strip<T>], gaps: &Gaps, strip: &Strip<T>, row: usize) {
+        let columns = &strip.columns;
+        let range = self.range(row, columns);
+        self.hidden.clear();
+        self.hidden.extend_from_slice(&self.far[range]);
+        let passed = self.passed_before[before.len()];
+        for (other, seen) in before.iter().zip(&self.seen).skip(passed) {
+            let gap = gaps.of(other.rung, strip.rung);
+            let common = common(&other.columns, columns);
+            if gap <= 0.0 || common.is_empty() {
+                continue;
+            }
+            let gap = T::from_f64(gap);
+            let seen = &seen[other.offset(row, common.start)..][..common.len()];
+            let hidden = &mut self.hidden[common.start - columns.start..][..common.len()];
+            for x in 0..hidden.len() {
+                hidden[x] += gap * seen[x];
+            }
+        }
+    }
+
+    /// A number that tells on which smooth piece the strips lie that were added.
+    pub(super) fn piece(&self, strips: &[Strip<T>], gaps: &Gaps, channels: usize) -> u64 {
+        let mut sight = Self::default();
+        sight.begin(&self.part);
+        let mut piece = 0_u64;
+        for (index, strip) in strips.iter().enumerate() {
+            let total = sight.total.clone();
+            sight.add(&strips[..=index], gaps, channels, &mut []);
+            for row in strip.rows.clone() {
+                sight.hide(&strips[..index], gaps, strip, row);
+                let alphas = strip.row(channels, row, strip.columns.clone());
+                let range = sight.range(row, &strip.columns);
+                for ((&alpha, &hidden), &total) in
+                    alphas.iter().zip(&sight.hidden).zip(&total[range])
+                {
+                    let over = alpha * (T::ONE - hidden) - (T::ONE - total);
+                    // Where both arguments are equal rounding decides, and the slopes are equal, too.
+                    let place = u64::from(over.to_f64() > KINK) + 5 * strip.rung as u64;
+                    piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
+                }
+            }
+        }
+        piece
+    }
+
+    /// The gradients of `strips`, all that were added, in `bars` of the same form: of the gradient `out_bar` of
+    /// the picture, whose channels are interleaved.
+    pub(super) fn pull_back(
+        &mut self,
+        strips: &[Strip<T>],
+        gaps: &Gaps,
+        out_bar: &[T],
+        bars: &mut [Strip<T>],
+    ) {
+        crate::dispatch::dispatch_256::<T, _>(
+            #[inline(always)]
+            || self.pull_back_strips(strips, gaps, out_bar, bars),
+        );
+    }
+
+    #[inline(always)]
+    fn pull_back_strips(
+        &mut self,
+        strips: &[Strip<T>],
+        gaps: &Gaps,
+        out_bar: &[T],
+        bars: &mut [Strip<T>],
+    ) {
+        let part = self.part.clone();
+        let channels = out_bar.len() / (part[0].len() * part[1].len());
+        self.begin(&part);
+        zeros(&mut self.total_bar, out_bar.len() / channels);
+        zeros(&mut self.far_bar, out_bar.len() / channels);
+        for list in [&mut self.dots, &mut self.seen_bars] {
+            list.resize_with(list.len().max(strips.len()), Vec::new);
+        }
+        for index in 0..strips.len() {
+            self.add_strip(&strips[..=index], gaps, channels, &mut []);
+            self.dot(&strips[index], index, channels, out_bar);
+        }
+        for (bar, &total) in self.total_bar.iter_mut().zip(&self.total) {
+            *bar = if total > T::ZERO { *bar / (total * total) } else { T::ZERO };
+        }
+        for index in (0..strips.len()).rev() {
+            self.pull_back_strip(strips, index, gaps, out_bar, &mut bars[index]);
+        }
+    }
+
+    /// The dot products of a strip's colours; takes `V^2 V_bar` from `total_bar`.
+    #[inline(always)]
+    fn dot(&mut self, strip: &Strip<T>, index: usize, channels: usize, out_bar: &[T]) {
+        let columns = &strip.columns;
+        let count = columns.len();
+        let mut dots = std::mem::take(&mut self.dots[index]);
+        zeros(&mut dots, strip.plane());
+        zeros(&mut self.seen_bars[index], strip.plane());
+        for row in strip.rows.clone() {
+            let range = self.range(row, columns);
+            let start = strip.offset(row, columns.start);
+            let dots = &mut dots[start..start + count];
+            let out_bar = &out_bar[range.start * channels..range.end * channels];
+            for channel in 0..channels {
+                let colors = strip.row(channel, row, columns.clone());
+                for x in 0..count {
+                    dots[x] += out_bar[x * channels + channel] * colors[x];
+                }
+            }
+            let shares = &self.shares[index][start..start + count];
+            let sum = &mut self.total_bar[range];
+            for x in 0..count {
+                sum[x] -= size(shares[x]) * dots[x];
+            }
+        }
+        self.dots[index] = dots;
+    }
+
+    #[inline(always)]
+    fn pull_back_strip(
+        &mut self,
+        strips: &[Strip<T>],
+        index: usize,
+        gaps: &Gaps,
+        out_bar: &[T],
+        bar: &mut Strip<T>,
+    ) {
+        let (strip, before) = (&strips[index], &strips[..index]);
+        let channels = strip.values.len() / strip.plane().max(1) - 1;
+        let columns = strip.columns.clone();
+        let count = columns.len();
+        for row in strip.rows.clone() {
+            let range = self.range(row, &columns);
+            let start = strip.offset(row, columns.start);
+            let ends = start..start + count;
+            self.hidden.clear();
+            self.hidden.resize(count, T::ZERO);
+            // F_bar, which is 0 where F does not decide.
+            let hidden_bar = &mut self.hidden[..count];
+            let [dots, shares, seen_bars] =
+                [&self.dots, &self.shares, &self.seen_bars].map(|list| &list[index][ends.clone()]);
+            let total = &self.total[range.clone()];
+            let total_bar = &mut self.total_bar[range.clone()];
+            let alphas = strip.row(channels, row, columns.clone());
+            let alpha_bar = bar.row_mut(channels, row, columns.clone());
+            for x in 0..count {
+                let (q, alpha) = (size(shares[x]), alphas[x]);
+                let is_left = shares[x] < T::ZERO;
+                let is_seen = q > T::ZERO;
+                let q_bar = dots[x] / total[x];
+                let v_bar = total_bar[x] + seen_bars[x];
+                let by_alpha = q_bar / alpha;
+                let taken = if is_left { v_bar + by_alpha } else { T::ZERO };
+                let bar = if is_left { -(q * by_alpha) } else { q * v_bar };
+                let hidden = if is_left { T::ZERO } else { -q_bar - alpha * v_bar };
+                alpha_bar[x] = if is_seen { bar } else { T::ZERO };
+                hidden_bar[x] = if is_seen { hidden } else { T::ZERO };
+                total_bar[x] -= if is_seen { taken } else { T::ZERO };
+            }
+            let out_bar = &out_bar[range.start * channels..range.end * channels];
+            for channel in 0..channels {
+                let color_bar = bar.row_mut(channel, row, columns.clone());
+                for x in 0..count {
+                    let q = size(shares[x]);
+                    let share = if q > T::ZERO { q / total[x] } else { T::ZERO };
+                    color_bar[x] = share * out_bar[x * channels + channel];
+                }
+            }
+            self.pull_back_hiding(before, gaps, strip, row);
+        }
+        self.pull_back_passing(before);
+    }
+
+    /// Gives F_bar of a row of a strip to those that hide it.
+    #[inline(always)]
+    fn pull_back_hiding(&mut self, before: &[Strip<T>], gaps: &Gaps, strip: &Strip<T>, row: usize) {
+        let columns = &strip.columns;
+        let range = self.range(row, columns);
+        for (far_bar, &hidden_bar) in self.far_bar[range].iter_mut().zip(&self.hidden) {
+            *far_bar += hidden_bar;
+        }
+        let passed = self.passed_before[before.len()];
+        for (other, bars) in before.iter().zip(&mut self.seen_bars).skip(passed) {
+            let gap = gaps.of(other.rung, strip.rung);
+            let common = common(&other.columns, columns);
+            if gap <= 0.0 || common.is_empty() {
+                continue;
+            }
+            let gap = T::from_f64(gap);
+            let bars = &mut bars[other.offset(row, common.start)..][..common.len()];
+            let hidden_bar = &self.hidden[common.start - columns.start..][..common.len()];
+            for x in 0..bars.len() {
+                bars[x] += gap * hidden_bar[x];
+            }
+        }
+    }
+
+    /// Gives what has been gathered to the rungs that passed just before a strip.
+    #[inline(always)]
+    fn pull_back_passing(&mut self, before: &[Strip<T>]) {
+        let index = before.len();
+        let first = index.checked_sub(1).map_or(0, |last| self.passed_before[last]);
+        for passed in first..self.passed_before[index] {
+            let other = &before[passed];
+            for row in other.rows.clone() {
+                let range = self.range(row, &other.columns);
+                let start = other.offset(row, other.columns.start);
+                let bars = &mut self.seen_bars[passed][start..start + range.len()];
+                bars.iter_mut().zip(&self.far_bar[range]).for_each(|(bar, &far)| *bar += far);
+            }
+        }
+    }
+}
+
+/// The columns that both have.
+pub(super) fn common(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+    a.start.max(b.start)..a.end.min(b.end)
 }
 
 #[cfg(test)]
@@ -163,13 +474,26 @@ mod tests {
         (rungs, gaps)
     }
 
-    /// The picture of rungs of one channel.
-    fn picture(given: &[(usize, f64, f64)], gaps: &Gaps) -> (f64, Vec<Layer<f64>>) {
-        let layer = |&(rung, _, alpha): &(usize, f64, f64)| Layer::new(rung, 0, alpha);
-        let mut layers: Vec<_> = given.iter().map(layer).collect();
-        let (total, _) = see(&mut layers, gaps);
-        let sum: f64 = layers.iter().zip(given).map(|(layer, given)| layer.share * given.1).sum();
-        (sum / total, layers)
+    /// Strips of one pixel and one channel.
+    fn strips(given: &[(usize, f64, f64)]) -> Vec<Strip<f64>> {
+        let strip = |&(rung, color, alpha): &(usize, f64, f64)| Strip {
+            rung,
+            rows: 0..1,
+            columns: 0..1,
+            held: 0..1,
+            values: vec![color, alpha],
+        };
+        given.iter().map(strip).collect()
+    }
+
+    /// The picture of rungs at a pixel, and q of each as `see` gives it.
+    fn picture(given: &[(usize, f64, f64)], gaps: &Gaps) -> (f64, Vec<f64>) {
+        let strips = strips(given);
+        let (mut sight, mut out) = (Sight::default(), [0.0]);
+        sight.begin(&[0..1, 0..1]);
+        (0..strips.len()).for_each(|k| sight.add(&strips[..=k], gaps, 1, &mut out));
+        let shares = sight.shares.iter().map(|shares| shares[0]).collect();
+        (out[0] / sight.total[0], shares)
     }
 
     #[test]
@@ -181,36 +505,42 @@ mod tests {
         let (added, _) = picture(&[(4, 0.3 * 0.9, 0.3), (5, 0.7 * 0.2, 0.7)], &gaps);
         assert!((added - (0.27 + 0.14)).abs() < 1e-15);
         // What is more than the whole lens is cut.
-        let (cut, layers) = picture(&[(4, 0.8, 0.8), (5, 0.3, 0.6)], &gaps);
+        let (cut, shares) = picture(&[(4, 0.8, 0.8), (5, 0.3, 0.6)], &gaps);
         assert!((cut - (0.8 + 0.2 / 0.6 * 0.3)).abs() < 1e-15);
-        assert_eq!(layers[1].limit, Limit::Left);
+        assert!(shares[0] > 0.0 && shares[1] < 0.0);
     }
 
     #[test]
     fn gradients_are_those_of_differences() {
-        let (_, gaps) = rungs();
-        let given =
-            [(1, 0.1, 0.35), (2, 0.2, 0.25), (9, 0.15, 0.5), (14, 0.3, 0.6), (15, 0.4, 0.7)];
-        let (value, layers) = picture(&given, &gaps);
-        let limits: Vec<_> = layers.iter().map(|layer| layer.limit).collect();
-        assert!(limits.contains(&Limit::Left) && limits.contains(&Limit::Hidden));
-        let total: f64 = layers.iter().map(|layer| layer.seen).sum();
-        let dots: Vec<_> = given.iter().map(|given| given.1 / total).collect();
-        let mut found = vec![f64::NAN; given.len()];
-        let bars = &mut Vec::new();
-        pull_back(&layers, &gaps, &dots, -value / total, bars, |k, bar| found[k] = bar);
+        let (rungs, gaps) = rungs();
+        let last = rungs.count() - 1;
+        let given = [
+            (1, 0.1, 0.35),
+            (2, 0.2, 0.25),
+            (9, 0.15, 0.2),
+            (11, 0.1, 0.3),
+            (14, 0.3, 0.6),
+            (last - 1, 0.2, 0.1),
+            (last, 0.4, 0.7),
+        ];
+        let (_, shares) = picture(&given, &gaps);
+        assert!(shares.iter().any(|&q| q < 0.0) && shares.iter().filter(|&&q| q > 0.0).count() > 3);
+        let strips = strips(&given);
+        let (mut sight, mut bars) = (Sight::default(), strips.clone());
+        sight.begin(&[0..1, 0..1]);
+        sight.pull_back(&strips, &gaps, &[1.0], &mut bars);
+        assert!(sight.passed_before.iter().any(|&passed| passed > 0));
         for k in 0..given.len() {
-            let step = 1e-6;
-            let at = |step: f64, of_color: f64| {
-                let mut moved = given;
-                moved[k].1 += step * of_color;
-                moved[k].2 += step * (1.0 - of_color);
-                picture(&moved, &gaps).0
-            };
-            let alpha = (at(step, 0.0) - at(-step, 0.0)) / (2.0 * step);
-            let color = (at(step, 1.0) - at(-step, 1.0)) / (2.0 * step);
-            assert!((found[k] - alpha).abs() < 1e-8, "{k}: {} is not {alpha}", found[k]);
-            assert!((layers[k].share / total - color).abs() < 1e-8);
+            for entry in 0..2 {
+                let picture = |step: f64| {
+                    let mut moved = given;
+                    *[&mut moved[k].1, &mut moved[k].2][entry] += step;
+                    picture(&moved, &gaps).0
+                };
+                let slope = (picture(1e-6) - picture(-1e-6)) / 2e-6;
+                let found = bars[k].values[entry];
+                assert!((found - slope).abs() < 1e-8, "{k}, {entry}: {found} is not {slope}");
+            }
         }
     }
 }

@@ -24,7 +24,7 @@
 
 use bokashi_core::Scalar;
 
-use super::circles::Circle;
+use super::surfaces::Surface;
 
 /// How much of b is seen beside a, and the derivatives by a and by b.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +36,7 @@ pub(super) struct Gap<S> {
 }
 
 /// g(a, b).
+#[inline]
 pub(super) fn gap<S: Scalar>(a: S, b: S) -> Gap<S> {
     let size = |x: S| if x < S::ZERO { -x } else { x };
     let sign = |x: S| if x < S::ZERO { -S::ONE } else { S::ONE };
@@ -44,11 +45,14 @@ pub(super) fn gap<S: Scalar>(a: S, b: S) -> Gap<S> {
     let is_first_larger = size(a) >= size(b);
     let larger = if is_first_larger { a } else { b };
     let measure = number(2.0) + number(0.65) * size(larger);
-    let x = number(2.0) * (distance / measure) - number(0.5);
-    if x <= S::ZERO || x >= S::ONE {
-        let share = if x <= S::ZERO { S::ZERO } else { S::ONE };
-        return Gap { share, slopes: [S::ZERO; 2], piece: u8::from(x > S::ZERO) };
+    // Most surfaces touch or lie apart, and need no quotient.
+    let fourfold = number(4.0) * distance;
+    let is_apart = fourfold >= number(3.0) * measure;
+    if is_apart || fourfold <= measure {
+        let share = if is_apart { S::ONE } else { S::ZERO };
+        return Gap { share, slopes: [S::ZERO; 2], piece: u8::from(is_apart) };
     }
+    let x = number(2.0) * (distance / measure) - number(0.5);
     let by_x = number(6.0) * x * (S::ONE - x);
     let by_distance = number(2.0) * by_x / measure * sign(b - a);
     let by_larger = number(-1.3) * by_x * (distance / measure) / measure * sign(larger);
@@ -63,9 +67,10 @@ pub(super) fn gap<S: Scalar>(a: S, b: S) -> Gap<S> {
 /// A surface at a pixel's centre.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link<S> {
-    pub(super) surface: u32,
+    pub(super) surface: Surface,
     pub(super) alpha: S,
-    pub(super) circle: Circle<S>,
+    /// Of its circle.
+    pub(super) radius: S,
 }
 
 /// The share of the last of `chain`, and a number that tells on which smooth piece it lies.
@@ -73,7 +78,7 @@ pub(super) fn share_behind<S: Scalar>(chain: &[Link<S>]) -> (S, u64) {
     let Some((last, front)) = chain.split_last() else { return (S::ONE, 0) };
     let (mut share, mut piece) = (S::ONE, 0);
     for link in front {
-        let gap = gap(link.circle.radius, last.circle.radius);
+        let gap = gap(link.radius, last.radius);
         share *= S::ONE - link.alpha * (S::ONE - gap.share);
         piece = 4 * piece + u64::from(gap.piece);
     }
@@ -118,11 +123,11 @@ pub(super) fn pull_back_share<S: Scalar>(chain: &[Link<S>], share_bar: S, bars: 
         let mut rest = share_bar;
         for (j, other) in front.iter().enumerate() {
             if j != i {
-                let gap = gap(other.circle.radius, last.circle.radius).share;
+                let gap = gap(other.radius, last.radius).share;
                 rest *= S::ONE - other.alpha * (S::ONE - gap);
             }
         }
-        let gap = gap(link.circle.radius, last.circle.radius);
+        let gap = gap(link.radius, last.radius);
         bars[i].alpha -= rest * (S::ONE - gap.share);
         let gap_bar = rest * link.alpha;
         bars[i].radius += gap_bar * gap.slopes[0];
@@ -135,7 +140,7 @@ mod tests {
     use super::*;
 
     fn link(alpha: f64, radius: f64) -> Link<f64> {
-        Link { surface: 0, alpha, circle: Circle { radius, ..Circle::default() } }
+        Link { surface: Surface::BACKGROUND, alpha, radius }
     }
 
     #[test]
@@ -208,7 +213,7 @@ mod tests {
                 (at(step) - at(-step)) / (2.0 * step)
             };
             let alpha = quotient(|link, step| link.alpha += step);
-            let radius = quotient(|link, step| link.circle.radius += step);
+            let radius = quotient(|link, step| link.radius += step);
             assert!((bars[k].radius - radius).abs() < 1e-8, "{k}");
             assert!(k == 2 || (bars[k].alpha - alpha).abs() < 1e-8, "{k}");
         }

@@ -3,9 +3,9 @@
 //! # Forward
 //! What a lens sees is an integral over its points. Each surface that a pixel shows, and those close to its
 //! outlines that it hides, has a circle of confusion (`circles`). By it the surface is shared among a few rungs,
-//! blurs of fixed radii (`rungs`, `surfaces`, `hiding`). Each rung is blurred by a disc, its colours and its alpha
-//! (`disc`), and the blurred rungs are put together from front to back (`front_to_back`). Each file has its
-//! formulas, and `bands` has the passes over the image.
+//! blurs of fixed radii (`rungs`, `surfaces`, `hiding`). Each rung is blurred through the iris, its colours and its
+//! alpha (`iris`, `blur`), and the blurred rungs are put together from front to back (`front_to_back`). Each file
+//! has its formulas, and `bands` has the passes over the image.
 //!
 //! # Backward
 //! The same passes from last to first: each file has its own step back beside its step forward.
@@ -16,8 +16,10 @@
 //!
 //! # Memory
 //! A band of 16 rows holds each rung that something in it lies on, over the image's width, and each blurred rung
-//! that is seen in it, over the columns that it reaches; a backward pass holds the latter twice. So a picture of
-//! two planes holds four rungs, and a floor holds little more than two, cut at other rows.
+//! that is seen in it, over the columns where the lens is not yet full. So a picture of two planes holds four
+//! rungs, and a floor holds little more than two, cut at other rows. Rungs of 8 pixels and more are blurred at half
+//! the size, those of 16 and more at a quarter, and so on to a sixteenth. A backward pass holds the gradients of
+//! blurred rungs at their own sizes, and those of fragments by pixel.
 //!
 //! # Limits
 //! What no ray through the middle of the lens meets is not known: the far side of a ball's rim, and surfaces
@@ -30,10 +32,12 @@
 //! lens is what they are measured against.
 
 mod bands;
+mod blur;
 mod circles;
-mod disc;
 mod front_to_back;
 mod hiding;
+mod iris;
+mod pixel_bars;
 mod rungs;
 mod strips;
 mod surfaces;
@@ -42,14 +46,15 @@ use std::sync::Arc;
 
 use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, TensorError, Var};
+use smallvec::SmallVec;
 
-use self::bands::{Band, BandBars, Bench, Blurs, Frame, Told, bytes_of, fill_rungs};
-use self::circles::{Circle, Optics};
-use self::disc::Disc;
-use self::front_to_back::Gaps;
-use self::rungs::Rungs;
-use self::strips::{ROWS, Strips};
-use self::surfaces::{Surfaces, View};
+use self::bands::{Band, Bench, Blurs, Frame, Told, fill_rungs};
+use self::circles::Optics;
+use self::iris::BLADES;
+pub use self::iris::Iris;
+use self::pixel_bars::BandBars;
+use self::strips::{Bands, ROWS, Strips};
+use self::surfaces::{Layer, View};
 use crate::background::{Background, Kind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
@@ -58,6 +63,9 @@ use crate::picture::{Composite, checked_channels};
 use crate::scratch::Workbench;
 
 const NAME: &str = "lens_picture";
+
+/// A tape keeps 64 inputs of an operation at most.
+const MOST_BEHIND: usize = 16;
 
 /// A thin lens, as variables.
 #[derive(Debug, Clone, Copy)]
@@ -95,12 +103,17 @@ pub struct ThinLensOptions {
     pub margin: usize,
     /// The cap on the radius of a circle of confusion, in pixels: without it, it would be infinite at distance 0.
     pub largest_radius: f64,
+    /// The form of the opening.
+    pub iris: Iris,
+    /// Whether [`LensPicture::piece`] is found.
+    #[doc(hidden)]
+    pub tells_piece: bool,
 }
 
 impl Default for ThinLensOptions {
-    /// No margin, and circles of at most 64 pixels.
+    /// No margin, circles of at most 64 pixels, and a round iris.
     fn default() -> Self {
-        Self { margin: 0, largest_radius: 64.0 }
+        Self { margin: 0, largest_radius: 64.0, iris: Iris::Disc, tells_piece: false }
     }
 }
 
@@ -152,7 +165,7 @@ pub struct LensPicture<'t, T: Scalar> {
 ///   several sizes, [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
 /// - `TensorError::Value` for a distance that is negative or NaN, an aperture that is negative or not finite, a
 ///   focus that is not finite and positive, a largest radius that is not between 0 and 1024, a margin that leaves
-///   nothing of the picture.
+///   nothing of the picture, an iris of fewer than 3 or more than 16 blades, more than 16 layers behind.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
 #[inline(never)]
 pub fn lens_picture<'t, T: Scalar>(
@@ -164,6 +177,10 @@ pub fn lens_picture<'t, T: Scalar>(
     options: &ThinLensOptions,
 ) -> Result<LensPicture<'t, T>, RenderError> {
     let tape = visible.premultiplied.tape();
+    if behind.len() > MOST_BEHIND {
+        let rule = format!("at most {MOST_BEHIND} layers behind");
+        return Err(RenderError::value(NAME, rule, behind.len() as f64));
+    }
     let own = visible.fragments.checked_coverage(NAME, tape)?;
     own.check_shaded(NAME)?;
     let size = own.size();
@@ -203,9 +220,8 @@ pub fn lens_picture<'t, T: Scalar>(
     }
     let has_weights = visible.fragments.weight.is_some();
     let frame = Frame { size, margin: options.margin };
-    let largest = options.largest_radius;
-    let op =
-        DrawLens { visible: own, hidden, kind: backdrop.kind, has_weights, far, frame, largest };
+    let (kind, options) = (backdrop.kind, *options);
+    let op = DrawLens { visible: own, hidden, kind, has_weights, far, frame, options };
     let look = |saved: &Saved<T>| [saved.capped as u64, saved.piece];
     let (outputs, [capped, piece]) = tape.record_with(op, &inputs, look)?;
     Ok(LensPicture { image: outputs[0], capped: capped as usize, piece })
@@ -230,11 +246,18 @@ fn check_numbers<T: Scalar>(
     }
     let [aperture, focus] = [lens.aperture, lens.focus].map(|number| number.item().to_f64());
     let largest = options.largest_radius;
+    let [least, most] = BLADES;
+    let (blades, rotation) = match options.iris {
+        Iris::Disc => (least, 0.0),
+        Iris::Polygon { blades, rotation } => (blades, rotation),
+    };
     let rules = [
         (aperture >= 0.0 && aperture.is_finite(), aperture, "a finite aperture of at least 0"),
         (focus > 0.0 && focus.is_finite(), focus, "a finite and positive focus"),
         (far > 0.0, far, "a background at a distance above 0"),
         ((0.0..=1024.0).contains(&largest), largest, "a largest radius from 0 to 1024 pixels"),
+        ((least..=most).contains(&blades), blades as f64, "an iris of 3 to 16 blades"),
+        (rotation.is_finite(), rotation, "a finite rotation of the iris"),
     ];
     match rules.into_iter().find(|(holds, ..)| !holds) {
         Some((_, value, rule)) => Err(RenderError::value(NAME, rule, value)),
@@ -289,17 +312,16 @@ struct DrawLens {
     has_weights: bool,
     far: f64,
     frame: Frame,
-    largest: f64,
+    options: ThinLensOptions,
 }
 
 /// What a backward pass reads, and memory.
 #[derive(Debug)]
 struct Saved<T: Scalar> {
-    surfaces: Surfaces<T>,
-    rungs: Rungs,
-    gaps: Gaps,
-    /// By how many rungs they lie from the picture itself; made once they are used.
-    discs: Vec<Disc>,
+    blurs: Blurs,
+    /// Per layer the radii of its circles.
+    radii: Vec<Vec<T>>,
+    keeps_hidden: bool,
     /// The rungs by band, and the blurred rungs by band of what is shown.
     sources: Vec<Strips<T>>,
     told: Vec<Told>,
@@ -307,130 +329,179 @@ struct Saved<T: Scalar> {
     capped: usize,
     piece: u64,
     benches: Workbench<Bench<T>>,
-    bars: SavedBars<T>,
-}
-
-/// Memory of a backward pass.
-#[derive(Debug)]
-struct SavedBars<T: Scalar> {
-    /// Of the blurred rungs.
-    strips: Vec<Strips<T>>,
-    bands: Vec<BandBars<T>>,
-    colors: Vec<T>,
-    alphas: Vec<T>,
-    distances: Vec<T>,
-    weights: Vec<T>,
+    /// Memory of a backward pass: by band of what is shown, and of the image.
+    strip_bars: Vec<Strips<T>>,
+    band_bars: Vec<BandBars<T>>,
 }
 
 impl<T: Scalar> Default for Saved<T> {
     fn default() -> Self {
         Self {
-            surfaces: Surfaces::default(),
-            rungs: Rungs::default(),
-            gaps: Gaps::default(),
-            discs: Vec::new(),
+            blurs: Blurs::default(),
+            radii: Vec::new(),
+            keeps_hidden: false,
             sources: Vec::new(),
             told: Vec::new(),
             bands: Vec::new(),
             capped: 0,
             piece: 0,
             benches: Workbench::default(),
-            bars: SavedBars {
-                strips: Vec::new(),
-                bands: Vec::new(),
-                colors: Vec::new(),
-                alphas: Vec::new(),
-                distances: Vec::new(),
-                weights: Vec::new(),
-            },
+            strip_bars: Vec::new(),
+            band_bars: Vec::new(),
         }
     }
 }
 
-/// Bands whose gradients wait at the same time to be added up.
-const BANDS_AT_ONCE: usize = 16;
+/// Layers, and their coverage behind the visible one: few.
+type Layers<'a, T> = SmallVec<[Layer<'a, T>; 4]>;
+type Behind<'a> = SmallVec<[&'a Coverage; 4]>;
 
 impl DrawLens {
-    /// The first input of each layer, and how many fragments it has.
-    fn layers(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    /// The first input of each layer, and its coverage.
+    fn layers(&self) -> impl Iterator<Item = (usize, &Coverage)> + '_ {
         let behind = 6 + usize::from(self.has_weights);
         let hidden = self.hidden.iter().enumerate();
-        let hidden = hidden.map(move |(k, layer)| (behind + 3 * k, layer.count()));
-        std::iter::once((3, self.visible.count())).chain(hidden)
+        let hidden = hidden.map(move |(k, layer)| (behind + 3 * k, &**layer));
+        std::iter::once((3, &*self.visible)).chain(hidden)
     }
 
+    fn optics<T: Scalar>(&self, [aperture, focus]: [&[T]; 2]) -> Optics<T::Wide> {
+        let [aperture, focus] = [aperture, focus].map(|number| number[0].widen());
+        Optics { aperture, focus, largest: self.options.largest_radius }
+    }
+
+    /// Finds the radii of all circles; returns how many are capped.
+    fn find_radii<T: Scalar>(&self, inputs: &Inputs<'_, T>, radii: &mut Vec<Vec<T>>) -> usize {
+        let optics = self.optics([inputs.data(1), inputs.data(2)]);
+        radii.resize_with(1 + self.hidden.len(), Vec::new);
+        let mut capped = 0;
+        for ((first, _), radii) in self.layers().zip(radii) {
+            radii.clear();
+            radii.extend(inputs.data(first + 2).iter().map(|&z| {
+                let circle = optics.circle(z.widen());
+                capped += usize::from(circle.is_capped);
+                T::narrow(circle.radius)
+            }));
+        }
+        capped
+    }
+
+    /// All surfaces, of the operation's inputs.
     fn view<'a, T: Scalar>(
         &'a self,
-        surfaces: &'a Surfaces<T>,
-        rungs: &'a Rungs,
-        [background, aperture, focus]: [&'a [T]; 3],
-    ) -> View<'a, T> {
-        let (aperture, focus) = (aperture[0].widen(), focus[0].widen());
-        let optics = Optics { aperture, focus, largest: self.largest };
-        let sky = optics.circle(T::Wide::from_f64(self.far));
-        let (visible, kind) = (&*self.visible, self.kind);
-        View { surfaces, visible, rungs, optics, sky, background, kind }
+        input: impl Fn(usize) -> &'a [T],
+        saved: (&'a Blurs, &'a [Vec<T>], bool),
+        work: impl FnOnce(&View<'_, T>),
+    ) {
+        let (blurs, radii, keeps_hidden) = saved;
+        let layer = |((first, _), radii): ((usize, &Coverage), &'a Vec<T>)| Layer {
+            colors: input(first),
+            alphas: input(first + 1),
+            distances: input(first + 2),
+            radii,
+        };
+        let layers: Layers<'_, T> = self.layers().zip(radii).map(layer).collect();
+        let behind: Behind<'_> = self.hidden.iter().map(|layer| &**layer).collect();
+        let optics = self.optics([input(1), input(2)]);
+        work(&View {
+            channels: self.channels(input(0).len()),
+            layers: &layers,
+            weights: if self.has_weights { input(6) } else { &[] },
+            visible: &self.visible,
+            behind: &behind,
+            rungs: &blurs.rungs,
+            optics,
+            sky: optics.circle(T::Wide::from_f64(self.far)),
+            background: input(0),
+            kind: self.kind,
+            keeps_hidden,
+        });
     }
 
-    /// Copies the layers.
-    ///
-    /// # Errors
-    /// [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
-    fn gather<T: Scalar>(
-        &self,
-        inputs: &Inputs<'_, T>,
-        surfaces: &mut Surfaces<T>,
-    ) -> Result<(), RenderError> {
-        surfaces.clear(inputs.shape(3)[1]);
-        for (first, _) in self.layers() {
-            surfaces.add([0, 1, 2].map(|k| inputs.data(first + k)));
-        }
-        if self.has_weights {
-            surfaces.weights.extend_from_slice(inputs.data(6));
-        }
-        surfaces.keeps_hidden = self.layers().any(|(first, _)| inputs.needs(first + 1));
-        let hidden = self.hidden.iter().map(|layer| &**layer);
-        match surfaces.find(&self.visible, hidden) {
-            Some([layer, pixel]) => Err(RenderError::LayerPixel { layer, pixel }),
-            None => Ok(()),
+    fn channels(&self, background: usize) -> usize {
+        match self.kind {
+            Kind::Color => background,
+            Kind::Image => background / self.frame.size.pixels(),
         }
     }
-}
 
-impl DrawLens {
     /// Adds the gradients of all layers.
     fn give_layers<T: Scalar>(
         &self,
-        bars: &SavedBars<T>,
+        bands: &[BandBars<T>],
         channels: usize,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let mut start = 0;
-        for (first, count) in self.layers() {
-            let own = start..start + count;
-            start += count;
-            if let Some(bar) = gradients.get(first) {
-                bar.add(&bars.colors[own.start * channels..own.end * channels]);
-            }
-            if let Some(bar) = gradients.get(first + 1) {
-                bar.add(&bars.alphas[own.clone()]);
-            }
-            if let Some(bar) = gradients.get(first + 2) {
-                bar.add(&bars.distances[own]);
+        for (layer, (first, coverage)) in self.layers().enumerate() {
+            for (list, width) in [channels, 1, 1].into_iter().enumerate() {
+                let Some(bar) = gradients.get(first + list) else { continue };
+                let entries = bar.entries();
+                let centers = &mut entries[..coverage.centers() * width];
+                coverage.centers.for_each_band_mut(width, centers, |slots, first, entries| {
+                    for run in coverage.centers.in_slots(slots) {
+                        let band = run.pixel as usize / self.frame.size.width / ROWS;
+                        let start = band * ROWS * self.frame.size.width;
+                        let from = bands[band].layers[layer].of_run(list, width, start, run);
+                        let to = &mut entries[(run.fragment as usize - first) * width..];
+                        for (to, &from) in to.iter_mut().zip(from.unwrap_or_default()) {
+                            *to += from;
+                        }
+                    }
+                });
+                if layer == 0 {
+                    let start = [0, channels, channels + 1][list];
+                    add_pieces(bands, [channels + 2, start, width], entries);
+                }
             }
         }
         if self.has_weights
             && let Some(bar) = gradients.get(6)
         {
-            bar.add(&bars.weights);
+            let entries = bar.entries();
+            for &(piece, bar) in bands.iter().flat_map(|band| &band.weights) {
+                entries[piece as usize - self.visible.centers()] += T::narrow(bar);
+            }
+        }
+    }
+
+    /// Adds the gradients of the background, of aperture and of focus.
+    fn give_optics<T: Scalar>(
+        &self,
+        bands: &[BandBars<T>],
+        channels: usize,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        if let Some(bar) = gradients.get(0) {
+            let entries = bar.entries();
+            let row = ROWS * self.frame.size.width * channels;
+            for (k, band) in bands.iter().enumerate() {
+                let start = if self.kind == Kind::Image { k * row } else { 0 };
+                for (to, &bar) in entries[start..].iter_mut().zip(&band.background) {
+                    *to += T::narrow(bar);
+                }
+            }
+        }
+        for k in 0..2 {
+            if let Some(bar) = gradients.get(1 + k) {
+                let sum: T::Wide = bands.iter().map(|band| band.optics[k]).sum();
+                bar.add_each(|_| T::narrow(sum));
+            }
         }
     }
 }
 
-/// Counts the fragments whose circle is capped.
-fn count_capped<T: Scalar>(distances: &[T], optics: &Optics<T::Wide>) -> usize {
-    let circles = distances.iter().map(|&z| optics.circle(z.widen()));
-    circles.filter(|circle: &Circle<T::Wide>| circle.is_capped).count()
+/// Adds a part of the gradients of visible pieces, `width` numbers of each from `start` on.
+fn add_pieces<T: Scalar>(
+    bands: &[BandBars<T>],
+    [count, start, width]: [usize; 3],
+    entries: &mut [T],
+) {
+    for band in bands {
+        for (&piece, bars) in band.pieces.iter().zip(band.piece_bars.chunks_exact(count)) {
+            let to = &mut entries[piece as usize * width..][..width];
+            to.iter_mut().zip(&bars[start..]).for_each(|(to, &bar)| *to += bar);
+        }
+    }
 }
 
 impl<T: Scalar> Op<T> for DrawLens {
@@ -447,36 +518,43 @@ impl<T: Scalar> Op<T> for DrawLens {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Saved<T>,
     ) -> Result<(), RenderError> {
-        self.gather(inputs, &mut saved.surfaces)?;
-        let Saved { surfaces, rungs, gaps, discs, sources, told, bands, benches, .. } = saved;
-        rungs.reach(self.largest);
-        gaps.between(rungs);
-        let view = self.view(surfaces, rungs, [0, 1, 2].map(|k| inputs.data(k)));
-        let count = self.frame.size.height.div_ceil(ROWS);
+        let Saved { blurs, radii, sources, told, bands, benches, .. } = saved;
+        saved.capped = self.find_radii(inputs, radii);
+        saved.keeps_hidden = self.layers().any(|(first, _)| inputs.needs(first + 1));
+        blurs.reach(self.options.largest_radius, self.options.iris);
+        let (frame, shown) = (self.frame, self.frame.shown_size());
+        let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);
         told.resize_with(count, Told::default);
-        fill_rungs(&view, self.frame, sources, told, benches);
-        discs.resize_with(discs.len().max(rungs.count()), Disc::default);
-        for strip in sources.iter().flat_map(Strips::iter) {
-            let disc = &mut discs[rungs.steps(strip.rung)];
-            if disc.is_vacant() {
-                *disc = Disc::new(rungs.radius(strip.rung).abs());
-            }
+        self.view(
+            |k| inputs.data(k),
+            (blurs, radii, saved.keeps_hidden),
+            |view| {
+                fill_rungs(view, frame, &blurs.halvings, sources, told, benches);
+            },
+        );
+        if let Some([layer, pixel]) = told.iter().find_map(|told| told.fault) {
+            return Err(RenderError::LayerPixel { layer, pixel });
         }
-        let shown = self.frame.shown_size();
+        for strip in sources.iter().flat_map(Strips::as_slice) {
+            blurs.use_rung(strip.rung);
+        }
         bands.resize_with(shown.height.div_ceil(ROWS), Band::default);
-        let out = outputs.push([shown.height, shown.width, surfaces.channels]);
-        let blurs = Blurs { rungs, discs, frame: self.frame };
-        blurs.see(sources, gaps, view.reference(), bands, benches, out);
-        let all = told.iter().chain(bands.iter().map(|band| &band.told));
+        let channels = self.channels(inputs.data(0).len());
+        let out = outputs.push([shown.height, shown.width, channels]);
+        let source = Bands { bands: sources, first: 0 };
+        let reference = &inputs.data(0)[..channels];
+        let tells_piece = self.options.tells_piece;
+        blurs.see(frame, source, reference, tells_piece, bands, benches, out);
+        let pieces = told.iter().map(|told| told.piece);
+        let pieces = pieces.chain(bands.iter().map(|band| band.piece));
         saved.piece =
-            all.fold(0, |sum: u64, told| (sum ^ told.piece).wrapping_mul(0x0100_0000_01b3));
-        saved.capped = count_capped(&surfaces.distances, &view.optics);
+            pieces.fold(0, |sum: u64, piece| (sum ^ piece).wrapping_mul(0x0100_0000_01b3));
         Ok(())
     }
 
-    fn keeps(&self, _: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING.input(0).input(1).input(2)
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        (0..inputs.len()).fold(Keep::NOTHING, Keep::input)
     }
 
     fn backward(
@@ -485,83 +563,32 @@ impl<T: Scalar> Op<T> for DrawLens {
         saved: &mut Saved<T>,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Saved { surfaces, rungs, gaps, discs, sources, bands, benches, bars, .. } = saved;
-        let view = self.view(surfaces, rungs, [0, 1, 2].map(|k| kept.input(k)));
-        let blurs = Blurs { rungs, discs, frame: self.frame };
-        bars.strips.resize_with(bands.len(), Strips::default);
-        blurs.pull_back_seen(bands, gaps, kept.only_upstream(), &mut bars.strips, benches);
-        bars.clear(surfaces);
-        let mut optics = [T::Wide::ZERO; 2];
-        bars.bands.resize_with(BANDS_AT_ONCE, BandBars::default);
-        let mut background = gradients.take(0);
-        for first in (0..sources.len()).step_by(BANDS_AT_ONCE) {
-            let count = BANDS_AT_ONCE.min(sources.len() - first);
-            let strips = &bars.strips;
-            for_each_item_mut(&mut bars.bands[..count], |k, found| {
-                benches.with(|bench| {
-                    let band = first + k;
-                    blurs.pull_back_rungs(&view, &sources[band], strips, band, found, bench);
+        let Saved { blurs, radii, sources, bands, benches, strip_bars, band_bars, .. } = saved;
+        let frame = self.frame;
+        strip_bars.resize_with(bands.len(), Strips::default);
+        blurs.pull_back_seen(frame, bands, kept.only_upstream(), strip_bars, benches);
+        band_bars.resize_with(sources.len(), BandBars::default);
+        let blurs = &*blurs;
+        self.view(
+            |k| kept.input(k),
+            (blurs, radii, saved.keeps_hidden),
+            |view| {
+                for_each_item_mut(band_bars, |band, found| {
+                    benches.with(|bench| {
+                        let source = &sources[band];
+                        blurs.pull_back_rungs(view, frame, source, strip_bars, band, found, bench);
+                    });
                 });
-            });
-            for k in 0..count {
-                let sums = bars.add_band(k, surfaces);
-                optics.iter_mut().zip(sums).for_each(|(sum, term)| *sum += term);
-                if let Some(background) = &mut background {
-                    let rows = (first + k) * ROWS * self.frame.size.width * surfaces.channels;
-                    let start = if self.kind == Kind::Image { rows } else { 0 };
-                    let entries = &mut background.entries()[start..];
-                    for (to, &bar) in entries.iter_mut().zip(&bars.bands[k].background) {
-                        *to += T::narrow(bar);
-                    }
-                }
-            }
-        }
-        if let Some(background) = background {
-            gradients.put_back(0, background);
-        }
-        for (k, sum) in optics.into_iter().enumerate() {
-            if let Some(bar) = gradients.get(1 + k) {
-                bar.add_each(|_| T::narrow(sum));
-            }
-        }
-        self.give_layers(bars, surfaces.channels, gradients);
+            },
+        );
+        let channels = self.channels(kept.input(0).len());
+        self.give_optics(band_bars, channels, gradients);
+        self.give_layers(band_bars, channels, gradients);
     }
 
     fn saved_bytes(&self, saved: &Saved<T>) -> usize {
-        let blurred = saved.bands.iter().map(|band| band.blurred.bytes()).sum::<usize>();
-        saved.surfaces.bytes() + bytes_of(&saved.sources) + blurred
-    }
-}
-
-impl<T: Scalar> SavedBars<T> {
-    /// Forgets all gradients of surfaces.
-    fn clear(&mut self, surfaces: &Surfaces<T>) {
-        let Self { colors, alphas, distances, weights, .. } = self;
-        let pairs = [
-            (colors, &surfaces.colors),
-            (alphas, &surfaces.alphas),
-            (distances, &surfaces.distances),
-            (weights, &surfaces.weights),
-        ];
-        for (bars, like) in pairs {
-            bars.clear();
-            bars.resize(like.len(), T::ZERO);
-        }
-    }
-
-    /// Adds what a band found; returns the gradients of aperture and focus.
-    fn add_band(&mut self, band: usize, surfaces: &Surfaces<T>) -> [T::Wide; 2] {
-        let (found, channels) = (&self.bands[band], surfaces.channels);
-        for (&surface, bars) in found.surfaces.iter().zip(found.bars.chunks_exact(channels + 2)) {
-            let at = surface as usize;
-            let colors = &mut self.colors[at * channels..][..channels];
-            colors.iter_mut().zip(bars).for_each(|(to, &bar)| *to += T::narrow(bar));
-            self.alphas[at] += T::narrow(bars[channels]);
-            self.distances[at] += T::narrow(bars[channels + 1]);
-        }
-        for &(piece, bar) in &found.weights {
-            self.weights[piece as usize - surfaces.centers] += T::narrow(bar);
-        }
-        found.optics
+        let blurred = saved.bands.iter().map(|band| &band.blurred);
+        let strips = saved.sources.iter().chain(blurred).map(Strips::bytes).sum::<usize>();
+        strips + saved.radii.iter().map(|radii| size_of_val(&radii[..])).sum::<usize>()
     }
 }

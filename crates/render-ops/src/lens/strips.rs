@@ -1,68 +1,97 @@
-//! The picture's rungs, a band of rows at a time.
+//! What lies on the picture's rungs, a band of rows at a time.
 //!
 //! A band holds a strip for each rung that something in it lies on: colours times alpha, and alpha, of all
-//! columns. So memory follows the pairs of a band and a rung that are used. What a strip holds lies between a
-//! first and a last column, and costs outside of it nothing but memory.
+//! columns, at the size that the rung is blurred at. So memory follows the pairs of a band and a rung that are
+//! used. What a strip holds lies between a first and a last column, and costs outside of it nothing but memory.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::rungs::MOST_HALVINGS;
 use crate::size::Size;
 
-/// Rows in a band: few, so that a slope's rungs each take the rows that they need.
-pub(super) const ROWS: usize = 16;
+/// Rows in a band: few, so that a slope's rungs each take the rows that they need; and as many as can be halved.
+pub(super) const ROWS: usize = 1 << MOST_HALVINGS;
 
 /// A part of a rung.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Strip<T> {
     pub(super) rung: usize,
-    /// Numbers of a pixel.
-    pub(super) entries: usize,
+    /// Rows and columns at the rung's size.
     pub(super) rows: Range<usize>,
-    /// The columns that there is memory for.
     pub(super) columns: Range<usize>,
     /// The columns between which it is not 0 everywhere.
     pub(super) held: Range<usize>,
-    /// Row by row.
+    /// For each channel its numbers, row by row.
     pub(super) values: Vec<T>,
 }
 
 impl<T: Scalar> Strip<T> {
-    fn offset(&self, row: usize, column: usize) -> usize {
-        let row = (row - self.rows.start) * self.columns.len();
-        (row + column - self.columns.start) * self.entries
+    /// Makes it a strip of so many channels; its numbers are whatever they were.
+    pub(super) fn reset(
+        &mut self,
+        rung: usize,
+        channels: usize,
+        [rows, columns]: [Range<usize>; 2],
+    ) {
+        self.rung = rung;
+        self.held = columns.clone();
+        (self.rows, self.columns) = (rows, columns);
+        let length = channels * self.plane();
+        if self.values.len() > length {
+            self.values.truncate(length);
+        } else {
+            self.values.resize(length, T::ZERO);
+        }
     }
 
-    /// The numbers of a pixel, where it holds them.
-    pub(super) fn pixel(&self, row: usize, column: usize) -> Option<&[T]> {
-        let is_held = self.rows.contains(&row) && self.held.contains(&column);
-        is_held.then(|| &self.values[self.offset(row, column)..][..self.entries])
+    /// How many numbers a channel has.
+    #[inline(always)]
+    pub(super) fn plane(&self) -> usize {
+        self.rows.len() * self.columns.len()
     }
 
-    /// The numbers of a pixel of its rows and columns, which it holds from now on.
-    pub(super) fn pixel_mut(&mut self, row: usize, column: usize) -> &mut [T] {
-        self.held = match self.held.is_empty() {
-            true => column..column + 1,
-            false => self.held.start.min(column)..self.held.end.max(column + 1),
-        };
-        let offset = self.offset(row, column);
-        &mut self.values[offset..][..self.entries]
+    /// Where in a channel a pixel stands.
+    #[inline(always)]
+    pub(super) fn offset(&self, row: usize, column: usize) -> usize {
+        (row - self.rows.start) * self.columns.len() + (column - self.columns.start)
     }
-}
 
-/// Strips of neighbouring bands, the first of which starts at row `first`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Bands<'a, T> {
-    pub(super) strips: &'a [Strips<T>],
-    pub(super) first: usize,
-}
+    /// Where in a channel the pixel of a row and a column stands, where the strip holds it.
+    #[inline(always)]
+    pub(super) fn held_offset(&self, row: usize, column: usize) -> Option<usize> {
+        self.held.contains(&column).then(|| self.offset(row, column))
+    }
 
-impl<'a, T: Scalar> Bands<'a, T> {
-    /// The strip of a rung in the band that has `row`.
-    pub(super) fn strip(&self, rung: usize, row: usize) -> Option<&'a Strip<T>> {
-        let band = row.checked_sub(self.first)? / ROWS;
-        self.strips.get(band)?.get(rung)
+    /// Holds a column from now on.
+    #[inline(always)]
+    pub(super) fn hold(&mut self, column: usize) {
+        if self.held.is_empty() {
+            self.held = column..column + 1;
+        } else {
+            self.held.start = self.held.start.min(column);
+            self.held.end = self.held.end.max(column + 1);
+        }
+    }
+
+    /// Some columns of a row of a channel.
+    #[inline(always)]
+    pub(super) fn row(&self, channel: usize, row: usize, columns: Range<usize>) -> &[T] {
+        let start = channel * self.plane() + self.offset(row, columns.start);
+        &self.values[start..start + columns.len()]
+    }
+
+    /// The same, to write.
+    #[inline(always)]
+    pub(super) fn row_mut(
+        &mut self,
+        channel: usize,
+        row: usize,
+        columns: Range<usize>,
+    ) -> &mut [T] {
+        let start = channel * self.plane() + self.offset(row, columns.start);
+        &mut self.values[start..start + columns.len()]
     }
 }
 
@@ -79,26 +108,21 @@ impl<T: Scalar> Strips<T> {
         self.used = 0;
     }
 
-    pub(super) fn iter(&self) -> std::slice::Iter<'_, Strip<T>> {
-        self.strips[..self.used].iter()
+    pub(super) fn as_slice(&self) -> &[Strip<T>] {
+        &self.strips[..self.used]
+    }
+
+    pub(super) fn as_mut_slice(&mut self) -> &mut [Strip<T>] {
+        &mut self.strips[..self.used]
     }
 
     /// The strip of a rung, if there is one.
     pub(super) fn get(&self, rung: usize) -> Option<&Strip<T>> {
-        let strips = &self.strips[..self.used];
-        strips.binary_search_by_key(&rung, |strip| strip.rung).ok().map(|at| &strips[at])
+        let strips = self.as_slice();
+        strips.binary_search_by_key(&rung, |strip| strip.rung).ok().map(|index| &strips[index])
     }
 
-    /// Strip `at`, in the order of rungs.
-    pub(super) fn nth(&self, at: usize) -> &Strip<T> {
-        &self.strips[at]
-    }
-
-    pub(super) fn nth_mut(&mut self, at: usize) -> &mut Strip<T> {
-        &mut self.strips[at]
-    }
-
-    /// A strip after all that there are: its numbers are whatever they were.
+    /// A strip after all that there are, with whatever it held.
     pub(super) fn push(&mut self) -> &mut Strip<T> {
         if self.used == self.strips.len() {
             self.strips.push(Strip::default());
@@ -107,33 +131,41 @@ impl<T: Scalar> Strips<T> {
         &mut self.strips[self.used - 1]
     }
 
-    /// The strip of a rung, of all columns, in the band that has `row`; a new one holds nothing.
-    pub(super) fn strip_mut(
-        &mut self,
-        rung: usize,
-        row: usize,
-        entries: usize,
-        size: Size,
-    ) -> &mut Strip<T> {
-        let found = self.strips[..self.used].binary_search_by_key(&rung, |strip| strip.rung);
-        let at = found.unwrap_or_else(|at| {
-            let first = row / ROWS * ROWS;
-            let strip = self.push();
-            strip.rung = rung;
-            strip.entries = entries;
-            strip.rows = first..(first + ROWS).min(size.height);
-            strip.columns = 0..size.width;
-            strip.held = 0..0;
-            strip.values.clear();
-            strip.values.resize(strip.rows.len() * size.width * entries, T::ZERO);
-            self.strips[at..self.used].rotate_right(1);
-            at
-        });
-        &mut self.strips[at]
-    }
-
     /// The bytes that it holds, for reports.
     pub(super) fn bytes(&self) -> usize {
-        self.iter().map(|strip| size_of_val(&strip.values[..])).sum()
+        self.as_slice().iter().map(|strip| size_of_val(&strip.values[..])).sum()
     }
+}
+
+/// The strips of neighbouring bands, the first of which starts at row `first` of the image.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bands<'a, T> {
+    pub(super) bands: &'a [Strips<T>],
+    pub(super) first: usize,
+}
+
+impl<'a, T: Scalar> Bands<'a, T> {
+    /// The strips of a rung, halved so often, that hold something in some of its rows.
+    pub(super) fn strips(
+        &self,
+        rung: usize,
+        halvings: usize,
+        rows: Range<usize>,
+    ) -> impl Iterator<Item = &'a Strip<T>> + Clone + use<'a, T> {
+        let band = |row: usize| (row << halvings).saturating_sub(self.first) / ROWS;
+        // Doubling looks at less than two rows beyond a band's own.
+        let start = band(rows.start).saturating_sub(2).min(self.bands.len());
+        let end = (band(rows.end) + 3).clamp(start, self.bands.len());
+        let strips = self.bands[start..end].iter().filter_map(move |band| band.get(rung));
+        strips.filter(move |strip| {
+            let is_near = strip.rows.start < rows.end && rows.start < strip.rows.end;
+            is_near && !strip.held.is_empty()
+        })
+    }
+}
+
+/// The size of an image that has been halved so often.
+pub(super) fn halved(size: Size, halvings: usize) -> Size {
+    let half = |extent: usize| extent.div_ceil(1 << halvings);
+    Size { width: half(size.width), height: half(size.height) }
 }

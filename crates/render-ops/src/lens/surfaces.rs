@@ -10,54 +10,42 @@
 //! The gradient of a share is that of the piece's weight, is taken from all pieces' weights for the
 //! background, and is pulled back through `hiding` for what is hidden.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 
 use super::circles::{Circle, Optics};
 use super::hiding::{Behind, Link, behind_piece, share_behind};
-use super::rungs::{Place, Rungs};
+use super::rungs::{Position, Rungs};
 use crate::background::Kind;
 use crate::coverage::Coverage;
-
-/// Stands for "nothing" in a list of surfaces, and for the background in a list of parts.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// A share of a pixel that is less is rounding.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// The fragments of all layers, one after another: those of the visible layer, then those behind.
-#[derive(Debug)]
-pub(super) struct Surfaces<T> {
-    pub(super) channels: usize,
-    /// Colours times alpha, `[N, C]`.
-    pub(super) colors: Vec<T>,
-    pub(super) alphas: Vec<T>,
-    pub(super) distances: Vec<T>,
-    /// Of the visible layer's pieces.
-    pub(super) weights: Vec<T>,
-    /// How many of the visible layer's fragments lie at pixel centres.
-    pub(super) centers: usize,
-    /// Per pixel: the visible fragment at its centre, where it is no boundary pixel.
-    seen: Vec<u32>,
-    /// Per layer at pixel centres, and per pixel: what is there.
-    chain: Vec<Vec<u32>>,
-    /// Whether a share of 0 has a gradient that someone could ask for.
-    pub(super) keeps_hidden: bool,
+/// A fragment of a layer; the visible layer is the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Surface {
+    pub(super) layer: u32,
+    pub(super) fragment: u32,
 }
 
-impl<T> Default for Surfaces<T> {
-    fn default() -> Self {
-        Self {
-            channels: 0,
-            colors: Vec::new(),
-            alphas: Vec::new(),
-            distances: Vec::new(),
-            weights: Vec::new(),
-            centers: 0,
-            seen: Vec::new(),
-            chain: Vec::new(),
-            keeps_hidden: false,
-        }
-    }
+impl Surface {
+    pub(super) const BACKGROUND: Self = Self { layer: u32::MAX, fragment: u32::MAX };
+}
+
+/// Stands for "no fragment".
+const NONE: u32 = u32::MAX;
+
+/// What an operation is given of a layer.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layer<'a, T> {
+    /// Colours times alpha, `[N, C]`.
+    pub(super) colors: &'a [T],
+    pub(super) alphas: &'a [T],
+    pub(super) distances: &'a [T],
+    /// Of the circles of confusion.
+    pub(super) radii: &'a [T],
 }
 
 /// What a share is.
@@ -65,8 +53,8 @@ impl<T> Default for Surfaces<T> {
 pub(super) enum Share {
     /// All of the pixel.
     Whole,
-    /// The weight of the visible piece.
-    Piece(u32),
+    /// The weight of a visible piece.
+    Piece,
     /// What pieces leave.
     Left,
     /// That of what is at the centre, behind pieces.
@@ -78,15 +66,15 @@ pub(super) enum Share {
 /// What a pixel shows of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part<S> {
-    /// The surface; [`NONE`] for the background.
-    pub(super) surface: u32,
+    pub(super) surface: Surface,
     pub(super) kind: Share,
     pub(super) share: S,
-    pub(super) circle: Circle<S>,
-    pub(super) place: Place<S>,
+    /// Of its circle, and where it lies among the rungs.
+    pub(super) radius: S,
+    pub(super) position: Position<S>,
 }
 
-/// What a pixel shows, and what is at its centre.
+/// What a pixel shows, and what is at its centre, the nearest first.
 #[derive(Debug)]
 pub(super) struct Parts<S> {
     pub(super) parts: Vec<Part<S>>,
@@ -101,158 +89,182 @@ impl<S> Default for Parts<S> {
     }
 }
 
-/// Numbers that all surfaces share.
+/// The fragments of a row of pixels.
+#[derive(Debug, Default)]
+pub(super) struct Row {
+    /// The visible ones at pixel centres, where these are no boundary pixels.
+    visible: Vec<u32>,
+    /// Per layer at pixel centres, from the nearest on.
+    chain: Vec<Vec<u32>>,
+}
+
+/// All surfaces, and the lens.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View<'a, T: Scalar> {
-    pub(super) surfaces: &'a Surfaces<T>,
+    pub(super) channels: usize,
+    pub(super) layers: &'a [Layer<'a, T>],
+    /// Of the visible layer's pieces.
+    pub(super) weights: &'a [T],
     pub(super) visible: &'a Coverage,
+    pub(super) behind: &'a [&'a Coverage],
     pub(super) rungs: &'a Rungs,
     pub(super) optics: Optics<T::Wide>,
     /// The circle of the background.
     pub(super) sky: Circle<T::Wide>,
     pub(super) background: &'a [T],
     pub(super) kind: Kind,
-}
-
-impl<T: Scalar> Surfaces<T> {
-    /// Forgets all layers.
-    pub(super) fn clear(&mut self, channels: usize) {
-        self.channels = channels;
-        for list in [&mut self.colors, &mut self.alphas, &mut self.distances, &mut self.weights] {
-            list.clear();
-        }
-    }
-
-    /// Adds a layer.
-    pub(super) fn add(&mut self, [colors, alphas, distances]: [&[T]; 3]) {
-        self.colors.extend_from_slice(colors);
-        self.alphas.extend_from_slice(alphas);
-        self.distances.extend_from_slice(distances);
-    }
-
-    /// Finds what is at each pixel; returns the first pixel, with its layer, that a layer behind covers and the
-    /// layer in front of it does not.
-    pub(super) fn find<'a>(
-        &mut self,
-        visible: &Coverage,
-        mut behind: impl Iterator<Item = &'a Coverage>,
-    ) -> Option<[usize; 2]> {
-        let pixels = visible.size().pixels();
-        let empty = |list: &mut Vec<u32>| {
-            list.clear();
-            list.resize(pixels, NONE);
-        };
-        empty(&mut self.seen);
-        self.centers = visible.centers();
-        for (at, pixel) in visible.pixels().take(self.centers).enumerate() {
-            self.seen[pixel] = at as u32;
-        }
-        let mut used = 0;
-        let mut first = visible.count();
-        let mut fault = None;
-        loop {
-            let layer = behind.next();
-            if layer.is_none() && used > 0 {
-                break;
-            }
-            if self.chain.len() == used {
-                self.chain.push(Vec::new());
-            }
-            let (before, own) = self.chain.split_at_mut(used);
-            let own = &mut own[0];
-            empty(own);
-            match layer {
-                // What is visible hides the background.
-                None => {
-                    own.copy_from_slice(&self.seen);
-                    for (at, &pixel) in visible.boundary.pixels.iter().enumerate() {
-                        own[pixel as usize] = visible.boundary.largest_of(at).unwrap_or(NONE);
-                    }
-                }
-                Some(layer) => {
-                    for (at, pixel) in layer.pixels().enumerate() {
-                        own[pixel] = (first + at) as u32;
-                        if before.last().is_some_and(|before| before[pixel] == NONE) {
-                            fault = fault.or(Some([used, pixel]));
-                        }
-                    }
-                    first += layer.count();
-                }
-            }
-            used += 1;
-        }
-        self.chain.truncate(used);
-        fault
-    }
-
-    /// The bytes that it holds, for reports.
-    pub(super) fn bytes(&self) -> usize {
-        let numbers = [&self.colors, &self.alphas, &self.distances, &self.weights];
-        let maps = self.chain.iter().chain([&self.seen]);
-        numbers.iter().map(|list| size_of_val(&list[..])).sum::<usize>()
-            + maps.map(|list| size_of_val(&list[..])).sum::<usize>()
-    }
+    /// Whether a share of 0 has a gradient that someone could ask for.
+    pub(super) keeps_hidden: bool,
 }
 
 impl<'a, T: Scalar> View<'a, T> {
     /// The colour times alpha, and the alpha, of a surface at a pixel.
-    pub(super) fn color(&self, surface: u32, pixel: usize) -> (&'a [T], T) {
-        let (surfaces, channels) = (self.surfaces, self.surfaces.channels);
-        if surface == NONE {
+    #[inline]
+    pub(super) fn color(&self, surface: Surface, pixel: usize) -> (&'a [T], T) {
+        let channels = self.channels;
+        if surface == Surface::BACKGROUND {
             let entry = self.kind.entry(channels, pixel);
             return (&self.background[entry..][..channels], T::ONE);
         }
-        let at = surface as usize;
-        (&surfaces.colors[at * channels..][..channels], surfaces.alphas[at])
+        let (layer, row) = (&self.layers[surface.layer as usize], surface.fragment as usize);
+        (&layer.colors[row * channels..][..channels], layer.alphas[row])
     }
 
     /// The colour that rungs hold the difference to, so that what looks like it adds no rounding: the
     /// background's. The picture is the same for any.
     pub(super) fn reference(&self) -> &'a [T] {
-        &self.background[..self.surfaces.channels]
+        &self.background[..self.channels]
+    }
+
+    /// The radius of a surface's circle.
+    #[inline]
+    fn radius(&self, surface: Surface) -> T::Wide {
+        if surface == Surface::BACKGROUND {
+            return self.sky.radius;
+        }
+        self.layers[surface.layer as usize].radii[surface.fragment as usize].widen()
     }
 
     /// The circle of a surface.
-    pub(super) fn circle(&self, surface: u32) -> Circle<T::Wide> {
-        if surface == NONE {
+    pub(super) fn circle(&self, surface: Surface) -> Circle<T::Wide> {
+        if surface == Surface::BACKGROUND {
             return self.sky;
         }
-        self.optics.circle(self.surfaces.distances[surface as usize].widen())
+        let distances = self.layers[surface.layer as usize].distances;
+        self.optics.circle(distances[surface.fragment as usize].widen())
+    }
+
+    /// How many of the visible layer's fragments lie at pixel centres.
+    pub(super) fn centers(&self) -> usize {
+        self.visible.centers()
+    }
+
+    /// Calls `visit([row, column], parts)` for each pixel of some rows with what it shows. Returns the first
+    /// pixel, with its layer, that a layer behind covers and the layer in front of it does not.
+    pub(super) fn for_each_pixel(
+        &self,
+        rows: Range<usize>,
+        memory: &mut Row,
+        parts: &mut Parts<T::Wide>,
+        mut visit: impl FnMut([usize; 2], &Parts<T::Wide>),
+    ) -> Option<[usize; 2]> {
+        let boundary = &self.visible.boundary;
+        let width = self.visible.size().width;
+        let first = rows.start * width;
+        let mut next = boundary.pixels.partition_point(|&pixel| (pixel as usize) < first);
+        let mut fault = None;
+        for row in rows {
+            fault = fault.or(self.list_row(row, next, memory));
+            for column in 0..width {
+                let pixel = row * width + column;
+                let mut pieces = None;
+                if boundary.pixels.get(next).is_some_and(|&other| other as usize == pixel) {
+                    pieces = Some(boundary.fragments_of(next));
+                    next += 1;
+                }
+                self.find_parts([pixel, column], pieces, memory, parts);
+                visit([row, column], parts);
+            }
+        }
+        fault
+    }
+
+    /// Lists the fragments of a row, in which boundary pixel `boundary` is the first one.
+    fn list_row(&self, row: usize, boundary: usize, memory: &mut Row) -> Option<[usize; 2]> {
+        let width = self.visible.size().width;
+        let first = row * width;
+        let Row { visible, chain } = memory;
+        let fill = |coverage: &Coverage, list: &mut Vec<u32>| {
+            list.clear();
+            list.resize(width, NONE);
+            for run in coverage.runs_in_row(row) {
+                let list = &mut list[run.pixels().start - first..run.pixels().end - first];
+                list.iter_mut().zip(run.fragment..).for_each(|(to, fragment)| *to = fragment);
+            }
+        };
+        fill(self.visible, visible);
+        chain.resize_with(self.behind.len().max(1), Vec::new);
+        if self.behind.is_empty() {
+            // What is visible hides the background.
+            chain[0].clone_from(visible);
+            let pixels = self.visible.boundary.pixels[boundary..].iter().enumerate();
+            for (k, &pixel) in pixels.take_while(|&(_, &pixel)| (pixel as usize) < first + width) {
+                let largest = self.visible.boundary.largest_of(boundary + k);
+                chain[0][pixel as usize - first] = largest.unwrap_or(NONE);
+            }
+        }
+        let mut fault = None;
+        for (layer, coverage) in self.behind.iter().enumerate() {
+            let (before, own) = chain.split_at_mut(layer);
+            fill(coverage, &mut own[0]);
+            if let Some(before) = before.last() {
+                let pairs = before.iter().zip(&own[0]);
+                let column = pairs.into_iter().position(|(&a, &b)| a == NONE && b != NONE);
+                fault = fault.or(column.map(|column| [layer, first + column]));
+            }
+        }
+        fault
     }
 
     /// What a pixel shows. `pieces` are its fragments, where it is a boundary pixel.
-    pub(super) fn find_parts(
+    fn find_parts(
         &self,
-        pixel: usize,
+        [pixel, column]: [usize; 2],
         pieces: Option<&[u32]>,
+        row: &Row,
         found: &mut Parts<T::Wide>,
     ) {
-        let surfaces = self.surfaces;
         found.parts.clear();
         found.piece = 0;
         let one = T::Wide::ONE;
-        match (pieces, surfaces.seen[pixel]) {
-            (Some(pieces), _) => {
+        match pieces {
+            Some(pieces) => {
                 let mut left = one;
-                for &piece in pieces {
-                    let weight = surfaces.weights[piece as usize - surfaces.centers].widen();
+                for &fragment in pieces {
+                    let weight = self.weights[fragment as usize - self.centers()].widen();
                     left -= weight;
-                    self.add_part(piece, Share::Piece(piece), weight, found);
+                    self.add_part(Surface { layer: 0, fragment }, Share::Piece, weight, found);
                 }
                 if left.to_f64() > LEAST_SHARE {
-                    self.add_part(NONE, Share::Left, left, found);
+                    self.add_part(Surface::BACKGROUND, Share::Left, left, found);
                 }
             }
-            (None, surface) => self.add_part(surface, Share::Whole, one, found),
+            None => {
+                let surface = match row.visible[column] {
+                    NONE => Surface::BACKGROUND,
+                    fragment => Surface { layer: 0, fragment },
+                };
+                self.add_part(surface, Share::Whole, one, found);
+            }
         }
-        self.find_chain(pixel, found);
+        self.find_chain(column, row, found);
         if pieces.is_some() {
             self.add_beside(pixel, found);
         }
         for last in 1..found.chain.len() {
             let (share, piece) = share_behind(&found.chain[..=last]);
             found.piece = found.piece.wrapping_mul(31).wrapping_add(piece);
-            if share != T::Wide::ZERO || surfaces.keeps_hidden {
+            if share != T::Wide::ZERO || self.keeps_hidden {
                 let surface = found.chain[last].surface;
                 self.add_part(surface, Share::Behind(last as u32), share, found);
             }
@@ -260,25 +272,28 @@ impl<'a, T: Scalar> View<'a, T> {
     }
 
     /// What is at a pixel's centre, the nearest first, and the background last.
-    fn find_chain(&self, pixel: usize, found: &mut Parts<T::Wide>) {
+    fn find_chain(&self, column: usize, row: &Row, found: &mut Parts<T::Wide>) {
         found.chain.clear();
-        for layer in &self.surfaces.chain {
-            let surface = layer[pixel];
-            if surface == NONE {
+        let first = u32::from(!self.behind.is_empty());
+        for (layer, list) in (first..).zip(&row.chain) {
+            let fragment = list[column];
+            if fragment == NONE {
                 break;
             }
-            let alpha = self.surfaces.alphas[surface as usize].widen();
-            found.chain.push(Link { surface, alpha, circle: self.circle(surface) });
+            let surface = Surface { layer, fragment };
+            let alpha = self.layers[layer as usize].alphas[fragment as usize].widen();
+            found.chain.push(Link { surface, alpha, radius: self.radius(surface) });
         }
-        found.chain.push(Link { surface: NONE, alpha: T::Wide::ONE, circle: self.sky });
+        let (surface, alpha) = (Surface::BACKGROUND, T::Wide::ONE);
+        found.chain.push(Link { surface, alpha, radius: self.sky.radius });
     }
 
     /// Adds what is hidden by pieces of the surface at the centre.
     fn add_beside(&self, pixel: usize, found: &mut Parts<T::Wide>) {
         let first = found.chain[0];
-        let (mut share, mut is_seen) = (T::Wide::ZERO, self.surfaces.keeps_hidden);
+        let (mut share, mut is_seen) = (T::Wide::ZERO, self.keeps_hidden);
         for part in &found.parts {
-            let Some((_, behind)) = self.behind(part, first, pixel) else { continue };
+            let Some(behind) = self.behind_part(part, first, pixel) else { continue };
             share += part.share * behind.share;
             is_seen |= behind.share != T::Wide::ZERO;
             found.piece = found.piece.wrapping_mul(7).wrapping_add(1 + u64::from(behind.piece));
@@ -288,26 +303,30 @@ impl<'a, T: Scalar> View<'a, T> {
         }
     }
 
-    /// The piece that a part is, and what is seen behind it of what is at the centre.
-    pub(super) fn behind(
+    /// What is seen behind a piece of what is at the centre.
+    pub(super) fn behind_part(
         &self,
         part: &Part<T::Wide>,
         first: Link<T::Wide>,
         pixel: usize,
-    ) -> Option<(u32, Behind<T::Wide>)> {
-        let Share::Piece(piece) = part.kind else { return None };
+    ) -> Option<Behind<T::Wide>> {
+        if part.kind != Share::Piece {
+            return None;
+        }
         let alpha = self.color(part.surface, pixel).1.widen();
-        Some((piece, behind_piece(alpha, part.circle.radius, first.circle.radius)?))
+        behind_piece(alpha, part.radius, first.radius)
     }
 
-    fn add_part(&self, surface: u32, kind: Share, share: T::Wide, found: &mut Parts<T::Wide>) {
-        let circle = self.circle(surface);
-        let place = self.rungs.place(circle.radius);
+    #[inline]
+    fn add_part(&self, surface: Surface, kind: Share, share: T::Wide, found: &mut Parts<T::Wide>) {
+        let radius = self.radius(surface);
+        let position = self.rungs.locate(radius);
         // Whether a share of 0 is listed depends on who asks.
         if share != T::Wide::ZERO {
-            let at = 2 * place.rung as u64 + u64::from(circle.is_capped);
-            found.piece = found.piece.wrapping_mul(1009).wrapping_add(at);
+            let is_capped = radius.abs().to_f64() >= self.optics.largest;
+            let place = 2 * position.rung as u64 + u64::from(is_capped);
+            found.piece = found.piece.wrapping_mul(1009).wrapping_add(place);
         }
-        found.parts.push(Part { surface, kind, share, circle, place });
+        found.parts.push(Part { surface, kind, share, radius, position });
     }
 }

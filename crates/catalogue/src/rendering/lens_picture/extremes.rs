@@ -11,13 +11,13 @@ use crate::extreme::{Extreme, Failure, Outcome, Verdict, extremes, keep_error};
 use crate::measures::{difference, has_finite_gradients, motley, numbers, rounding, tensor};
 
 pub(crate) static EXTREMES: &[Extreme] = extremes! {
-    190 "a lens: all in focus", "the picture itself", in_focus;
-    191 "a lens: distances 0 and infinity", "capped, counted; finite", at_the_eye;
-    192 "a lens: aperture 0", "the operation is absent", aperture_zero;
-    193 "a lens: one surface, however far", "brightness is kept", one_surface;
-    194 "a lens: circles larger than the picture", "its mean", larger_than_the_picture;
-    195 "a lens: 1 pixel", "the pixel", one_pixel;
-    196 "a lens: refused input", "an error", refused;
+    193 "a lens: all in focus", "the picture itself", in_focus;
+    194 "a lens: distances 0 and infinity", "capped, counted; finite", at_the_eye;
+    195 "a lens: aperture 0", "the operation is absent", aperture_zero;
+    196 "a lens: one surface, however far", "brightness is kept", one_surface;
+    197 "a lens: circles larger than the picture", "its mean", larger_than_the_picture;
+    198 "a lens: 1 pixel", "the pixel", one_pixel;
+    199 "a lens: refused input", "an error", refused;
 };
 
 const SIZE: Size = Size { width: 9, height: 7 };

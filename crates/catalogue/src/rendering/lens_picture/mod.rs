@@ -7,8 +7,8 @@ use std::sync::Arc;
 use bokashi_check::{Applied, Case, Check, Input, Law, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Fragments, LensLayer, Size, ThinLens, ThinLensOptions, depth_layers, lens_picture,
-    rasterize,
+    Background, Fragments, Iris, LensLayer, Size, ThinLens, ThinLensOptions, depth_layers,
+    lens_picture, rasterize,
 };
 use proptest::prelude::*;
 
@@ -133,10 +133,15 @@ impl Subject for Hidden {
         };
         let lens = ThinLens { aperture: inputs[3], focus: inputs[4] };
         // Circles of which some are capped.
-        let options = ThinLensOptions { margin: 0, largest_radius: 1.3 };
+        let options = ThinLensOptions { largest_radius: 1.3, ..telling() };
         let found = lens_picture(seen[0], &seen, background, f64::INFINITY, lens, &options)?;
         Ok(Outcome::from(found.image).with_state((ids, found.piece)))
     }
+}
+
+/// Options by which kinks are told.
+fn telling() -> ThinLensOptions {
+    ThinLensOptions { tells_piece: true, ..ThinLensOptions::default() }
 }
 
 /// How many fragments, and how many pieces, the scene with exact coverage has.
@@ -169,7 +174,8 @@ impl Subject for Exact {
         let layer = LensLayer { fragments: &fragments, premultiplied, alpha, distance };
         let focal_length = tape.constant_scalar(T::from_f64(2.0));
         let lens = ThinLens::from_radius(inputs[4], focal_length, inputs[5])?;
-        let options = ThinLensOptions { margin: 1, ..ThinLensOptions::default() };
+        let iris = Iris::Polygon { blades: 5, rotation: 0.4 };
+        let options = ThinLensOptions { margin: 1, iris, ..telling() };
         let found = lens_picture(layer, &[], Background::Zero, 6.0, lens, &options)?;
         Ok(Outcome::from(found.image).with_state(found.piece))
     }

@@ -36,9 +36,9 @@ use bokashi_core::Scalar;
 /// A step of the weights along a column: the pixels up to `reach` above and below the centre have this
 /// much more than those beyond.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Step<T> {
-    pub(super) reach: usize,
-    pub(super) weight: T,
+pub(crate) struct Step<T> {
+    pub(crate) reach: usize,
+    pub(crate) weight: T,
     /// The derivative of the weight with respect to sigma.
     pub(super) slope: T,
 }
@@ -46,7 +46,7 @@ pub(super) struct Step<T> {
 /// A disc as steps along columns of pixels. The k-th column lies k pixels to the left and to the right of
 /// the centre.
 #[derive(Debug, Default)]
-pub(super) struct DiscTaps<T: Scalar> {
+pub(crate) struct DiscTaps<T: Scalar> {
     steps: Vec<Step<T>>,
     /// Where the steps of each column begin, and where those of the last one end.
     starts: Vec<usize>,
@@ -60,7 +60,7 @@ const CAPS_ALONE: f64 = 0.5 - FRAC_1_PI;
 
 impl<T: Scalar> DiscTaps<T> {
     /// Fills in the disc of this variance above 0, in pixels squared; sigma moves it by `by_sigma`.
-    pub(super) fn fill(&mut self, variance: T::Wide, by_sigma: T::Wide) {
+    pub(crate) fn fill(&mut self, variance: T::Wide, by_sigma: T::Wide) {
         self.starts.clear();
         self.starts.push(0);
         self.wide.clear();
@@ -80,12 +80,12 @@ impl<T: Scalar> DiscTaps<T> {
     }
 
     /// How many pixels the disc reaches to either side.
-    pub(super) fn reach(&self) -> usize {
+    pub(crate) fn reach(&self) -> usize {
         self.starts.len() - 2
     }
 
     /// The steps of the column `k` pixels beside the centre, from the inside out.
-    pub(super) fn column(&self, k: usize) -> &[Step<T>] {
+    pub(crate) fn column(&self, k: usize) -> &[Step<T>] {
         &self.steps[self.starts[k]..self.starts[k + 1]]
     }
 

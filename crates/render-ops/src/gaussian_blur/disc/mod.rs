@@ -38,7 +38,7 @@
 //! There is a jump at the sigma from which on the image is halved once more. With a fixed radius there is none.
 //! `coverage` names the kinks of the slope.
 
-mod coverage;
+pub(crate) mod coverage;
 mod halving;
 mod spans;
 
