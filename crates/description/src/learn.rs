@@ -39,8 +39,9 @@ pub struct Learn {
     pub exposure: Option<LearnNumbers>,
     /// The standard deviation of the blur.
     pub blur: Option<LearnNumbers>,
-    /// The lens's aperture and focus. Rates are shares.
-    pub lens: Option<LearnNumbers>,
+    /// The lens: its aperture or radius, and its focus. What a view gives of its own is learnt of that view. Rates
+    /// are shares.
+    pub lens: Option<LearnLens>,
 }
 
 /// How numbers of the whole scene are learnt.
@@ -71,6 +72,29 @@ pub struct LearnMaps {
     pub meshes: Option<Vec<String>>,
     /// The weight of the total variation in the loss, of meshes with a map.
     pub total_variation: Option<Positive>,
+}
+
+/// How a lens is learnt.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnLens {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// What each view has of its own, whether it gives it or not.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub per_view: Vec<LensNumber>,
+}
+
+/// A number of a lens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LensNumber {
+    /// The radius of the circle of confusion at infinite distance.
+    Aperture,
+    /// The radius of the lens.
+    Radius,
+    /// The distance that is sharp.
+    Focus,
 }
 
 /// How places of vertices are learnt.

@@ -20,17 +20,17 @@ pub use description::{Description, schema};
 pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
-    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
-    StopEntry,
+    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LensNumber, LossEntry,
+    LossKind, Stage, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
-pub use numbers::{Count, Finite, NotNegative, Positive, Share};
+pub use numbers::{CircleRadius, Count, Finite, NotNegative, Positive, Share, SurfaceCount};
 pub use pipeline::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
-    SilhouettesName, SurfaceModel, Tone,
+    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, Opening,
+    PipelineEntry, SilhouettesName, SurfaceModel, Tone,
 };
 pub use views::{
-    CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,
+    CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry, ViewLens,
 };
 pub use words::json_message;

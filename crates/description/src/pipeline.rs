@@ -6,7 +6,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{Count, Finite, NotNegative, Positive};
+use crate::numbers::{CircleRadius, Count, Finite, NotNegative, Positive, SurfaceCount};
 
 /// Which operations make a picture. What is absent costs nothing.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -105,16 +105,102 @@ pub enum Tone {
     Linear,
 }
 
-/// A lens that blurs what is out of focus.
+/// A thin lens, which blurs what is out of focus.
 #[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "LensKeys", into = "LensKeys")]
+#[schemars(with = "LensKeys")]
 pub struct LensEntry {
-    /// The standard deviation of the blur at infinite distance, in pixels.
-    pub aperture: NotNegative,
+    /// How wide it is.
+    pub opening: Opening,
     /// The distance that is sharp, in units of the scene.
     pub focus: Positive,
-    /// How far off the blur may be; by default 1e-3.
-    pub tolerance: Option<Positive>,
+    /// How many hidden surfaces are seen beside the outlines of what hides them; by default 2.
+    pub surfaces: Option<SurfaceCount>,
+    /// The largest radius of a circle of confusion, in pixels; by default 64.
+    pub largest_radius: Option<CircleRadius>,
+}
+
+/// How wide a lens is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Opening {
+    /// The radius of the circle of confusion at infinite distance, in pixels.
+    Aperture(NotNegative),
+    /// The radius of the lens itself, in units of the scene.
+    Radius(NotNegative),
+}
+
+impl Opening {
+    /// The opening that one of two keys gives; `None` without either.
+    ///
+    /// # Errors
+    /// The rule that both break.
+    pub(crate) fn from_keys(
+        aperture: Option<NotNegative>,
+        radius: Option<NotNegative>,
+    ) -> Result<Option<Self>, &'static str> {
+        match (aperture, radius) {
+            (Some(_), Some(_)) => Err("a lens has either `aperture` or `radius`"),
+            (aperture, radius) => Ok(aperture.map(Self::Aperture).or(radius.map(Self::Radius))),
+        }
+    }
+
+    /// The numbers of the keys `aperture` and `radius`.
+    fn keys(self) -> [Option<NotNegative>; 2] {
+        match self {
+            Self::Aperture(number) => [Some(number), None],
+            Self::Radius(number) => [None, Some(number)],
+        }
+    }
+
+    /// Its key.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Aperture(_) => "aperture",
+            Self::Radius(_) => "radius",
+        }
+    }
+
+    /// Its number.
+    pub fn number(self) -> f64 {
+        let (Self::Aperture(number) | Self::Radius(number)) = self;
+        number.0
+    }
+}
+
+/// A thin lens, which blurs what is out of focus.
+#[derive(Clone, Copy, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct LensKeys {
+    /// The radius of the circle of confusion at infinite distance, in pixels.
+    aperture: Option<NotNegative>,
+    /// In place of `aperture`: the radius of the lens itself, in units of the scene.
+    radius: Option<NotNegative>,
+    /// The distance that is sharp, in units of the scene.
+    focus: Positive,
+    /// How many hidden surfaces are seen beside the outlines of what hides them, from 0 to 8; by default 2.
+    surfaces: Option<SurfaceCount>,
+    /// The largest radius of a circle of confusion, in pixels; by default 64.
+    largest_radius: Option<CircleRadius>,
+}
+
+impl TryFrom<LensKeys> for LensEntry {
+    type Error = &'static str;
+
+    fn try_from(keys: LensKeys) -> Result<Self, &'static str> {
+        let LensKeys { aperture, radius, focus, surfaces, largest_radius } = keys;
+        match Opening::from_keys(aperture, radius)? {
+            Some(opening) => Ok(Self { opening, focus, surfaces, largest_radius }),
+            None => Err("a lens has `aperture` or `radius`"),
+        }
+    }
+}
+
+impl From<LensEntry> for LensKeys {
+    fn from(entry: LensEntry) -> Self {
+        let LensEntry { opening, focus, surfaces, largest_radius } = entry;
+        let [aperture, radius] = opening.keys();
+        Self { aperture, radius, focus, surfaces, largest_radius }
+    }
 }
 
 /// A light. Colours are linear.

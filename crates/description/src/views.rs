@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{Count, Finite, Positive};
+use crate::numbers::{Count, Finite, NotNegative, Positive};
+use crate::pipeline::Opening;
 
 /// A view: an image, and the camera that took it.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -25,6 +26,41 @@ pub struct ViewEntry {
     pub held_out: bool,
     /// The camera.
     pub camera: CameraEntry,
+    /// What its lens has in place of the pipeline's numbers.
+    #[serde(default)]
+    pub lens: ViewLens,
+}
+
+/// What a view's lens has in place of the pipeline's numbers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(try_from = "ViewLensKeys")]
+#[schemars(with = "ViewLensKeys")]
+pub struct ViewLens {
+    /// How wide it is.
+    pub opening: Option<Opening>,
+    /// The distance that is sharp, in units of the scene.
+    pub focus: Option<Positive>,
+}
+
+/// What a view's lens has in place of the pipeline's numbers.
+#[derive(Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ViewLensKeys {
+    /// The radius of the circle of confusion at infinite distance, in pixels.
+    aperture: Option<NotNegative>,
+    /// In place of `aperture`, as in the pipeline: the radius of the lens itself, in units of the scene.
+    radius: Option<NotNegative>,
+    /// The distance that is sharp, in units of the scene.
+    focus: Option<Positive>,
+}
+
+impl TryFrom<ViewLensKeys> for ViewLens {
+    type Error = &'static str;
+
+    fn try_from(keys: ViewLensKeys) -> Result<Self, &'static str> {
+        let opening = Opening::from_keys(keys.aperture, keys.radius)?;
+        Ok(Self { opening, focus: keys.focus })
+    }
 }
 
 /// How numbers of a file stand for light.

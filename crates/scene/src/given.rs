@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use bokashi_core::Tensor;
 use bokashi_fit::{Alone, Communicator, FitError, Given, Parameters, agree, block, check_alike};
 
+use crate::description::ViewLens;
 use crate::object::Object;
 use crate::scene::{Scene, SceneView};
 
@@ -90,7 +91,7 @@ fn mesh(object: &Object) -> String {
 }
 
 fn view(view: &SceneView) -> String {
-    let SceneView { name: _, image, mask, color_space, held_out, camera } = view;
+    let SceneView { name: _, image, mask, color_space, held_out, camera, lens } = view;
     let numbers = crc32fast::hash(format!("{camera:?}").as_bytes());
     let mut digest = format!("camera with checksum {numbers:08x}");
     for (what, file) in [("image", image), ("mask", mask)] {
@@ -100,6 +101,9 @@ fn view(view: &SceneView) -> String {
     }
     if let Some(space) = color_space {
         digest += &format!(", {space:?}");
+    }
+    if *lens != ViewLens::default() {
+        digest += &format!(", {lens:?}");
     }
     digest + if *held_out { ", held out" } else { "" }
 }

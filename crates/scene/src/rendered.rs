@@ -67,7 +67,9 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     let tape = Tape::new();
     let values = Values { tape: &tape, learnt: None };
     let drawn = renderer.draw(&values, view, 1, true)?;
-    let coverage = &drawn.fragments.coverage;
+    // Depth, normals and ids are those of a pinhole.
+    let sharp = if drawn.is_sharp() { &drawn } else { &renderer.draw_sharp(&values, view)? };
+    let coverage = &sharp.fragments().coverage;
     let mut files = Vec::new();
     let mut add = |what: &str, kind: &str, picture: &Picture| {
         let file = format!("{name}{what}.{kind}");
@@ -82,9 +84,9 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     let image = renderer.image(&values, &drawn, 1)?;
     let colors = image.slice(2, 0..3).map_err(FitError::from)?.value();
     add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Location::new(name))?)?;
-    add("", "exr", &Picture::from_numbers(&drawn.light.image()?.value())?)?;
+    add("", "exr", &Picture::from_numbers(&sharp.light()?.image()?.value())?)?;
 
-    let depth = dense(coverage, &eye_depth(&drawn.fragments)?.values().value(), 1);
+    let depth = dense(coverage, &eye_depth(sharp.fragments())?.values().value(), 1);
     let depths = || depth.data().iter().filter(|&&depth| depth > 0.0);
     let least = depths().fold(f32::INFINITY, |least, &depth| least.min(depth));
     let range =
@@ -99,7 +101,7 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     add("-depth", "exr", &Picture::from_numbers(&depth)?)?;
     add("-depth", "png", &nearness)?;
 
-    let normals = renderer.normals(&values, drawn.world, &drawn.fragments)?;
+    let normals = renderer.normals(&values, sharp.world, sharp.fragments())?;
     let normals = dense(coverage, &normals.normalize().map_err(FitError::from)?.value(), 3);
     add("-normals", "exr", &Picture::from_numbers(&normals)?)?;
     let shown = normals.data().iter().map(|x| (127.5 * (x + 1.0)).round() as u8);

@@ -11,14 +11,14 @@ use glam::DMat4;
 use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
-use crate::description::{Description, LightPlace, Tone};
+use crate::description::{Description, LightPlace, Tone, ViewLens};
 use crate::error::{Location, SceneError};
 use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
 use crate::model::Model;
 use crate::object::SurfaceMaterial;
 use crate::picture::{ColorSpace, Picture};
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneView};
 use crate::summary::named_files;
 
 impl Scene {
@@ -166,8 +166,20 @@ impl Scene {
         };
         add("exposure", pipeline.exposure.map(|stops| stops.0));
         add("blur", pipeline.blur.map(|sigma| sigma.0));
-        add("aperture", pipeline.lens.map(|lens| lens.aperture.0));
-        add("focus", pipeline.lens.map(|lens| lens.focus.0));
+        if let Some(lens) = pipeline.lens {
+            add(lens.opening.key(), Some(lens.opening.number()));
+            add("focus", Some(lens.focus.0));
+        }
+        let lenses = self.views.iter().filter(|view| view.lens != ViewLens::default());
+        let lenses = lenses.map(|SceneView { name, lens, .. }| {
+            let opening = lens.opening.map(|opening| (opening.key(), opening.number()));
+            let numbers = opening.into_iter().chain(lens.focus.map(|focus| ("focus", focus.0)));
+            (name.clone(), numbers.map(|(key, number)| (key.to_owned(), json!(number))).collect())
+        });
+        let lenses: Map<_, _> = lenses.collect();
+        if !lenses.is_empty() {
+            numbers.insert("lenses".to_owned(), Value::Object(lenses));
+        }
         let lights = self.description.lights.iter().map(|light| match light.place() {
             None => json!({ "color": light.color() }),
             Some(LightPlace::Direction(direction)) => {

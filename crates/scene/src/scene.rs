@@ -14,7 +14,8 @@ use toml::Spanned;
 
 use crate::cameras::{Camera, read_colmap, read_transforms};
 use crate::description::{
-    ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
+    ColorSpaceName, Description, MaterialEntry, MeshEntry, Opening, Shape, SilhouettesName,
+    SurfaceModel, ViewEntry, ViewLens,
 };
 use crate::environment::cube_from_panorama;
 use crate::error::{Location, SceneError};
@@ -44,6 +45,8 @@ pub struct SceneView {
     pub held_out: bool,
     /// The camera.
     pub camera: Camera,
+    /// What its lens has in place of the pipeline's numbers.
+    pub lens: ViewLens,
 }
 
 /// A scene: what its file says, with the meshes and cameras that the file names.
@@ -132,6 +135,7 @@ impl Scene {
             Some(model) => model != SurfaceModel::Unlit,
             None => !description.lights.is_empty() || description.environment.is_some(),
         };
+        source.check_lens(&description)?;
         let mut notes = Vec::new();
         let mut objects = Vec::new();
         for entry in &description.meshes {
@@ -466,12 +470,11 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
-        let named = file.views;
         notes.extend(file.notes);
         let every = cameras.held_out_every.map(|every| every.0);
         let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
-        let unnamed = names(named.iter().map(|view| view.image.as_path()), &taken);
-        for (index, (view, name)) in named.into_iter().zip(unnamed).enumerate() {
+        let unnamed = names(file.views.iter().map(|view| view.image.as_path()), &taken);
+        for (index, (view, name)) in file.views.into_iter().zip(unnamed).enumerate() {
             let mask = match &cameras.masks {
                 None => view.mask,
                 // One that is missing is missed when its turn comes.
@@ -486,6 +489,7 @@ impl Source {
                 color_space: cameras.color_space.map(color_space),
                 held_out: every.is_some_and(|every| index.is_multiple_of(every)),
                 camera: view.camera,
+                lens: ViewLens::default(),
             });
         }
         Ok(views)
@@ -508,7 +512,36 @@ impl Source {
             mask: view.mask.clone(),
             color_space: view.color_space.map(color_space),
             held_out: view.held_out,
+            lens: view.lens,
         })
+    }
+
+    /// # Errors
+    /// [`SceneError::Content`] for a lens that can't be drawn as the scene says.
+    fn check_lens(&self, description: &Description) -> Result<(), SceneError> {
+        let lens = description.pipeline.lens;
+        if lens.is_some() && description.pipeline.silhouettes == SilhouettesName::Antialias {
+            let rule = "the `silhouettes` of a picture through a lens are \"exact\" or \"aliased\"";
+            let message = format!("{rule}, and these are \"antialias\"");
+            return Err(SceneError::content(Location::new(&self.path), message));
+        }
+        for entry in &description.views {
+            let given = entry.get_ref().lens;
+            match (lens, given.opening) {
+                (None, _) if given != ViewLens::default() => {
+                    let rule = "a view has a `lens` of its own where `pipeline.lens` is there";
+                    return Err(self.wrong(entry, rule));
+                }
+                (Some(lens), Some(own)) if own.key() != lens.opening.key() => {
+                    let rule = "the lens of a view has the key that `pipeline.lens` has";
+                    let [expected, found] = [lens.opening, own].map(Opening::key);
+                    let message = format!("{rule}, `{expected}`, and this has `{found}`");
+                    return Err(self.wrong(entry, message));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     fn environment(&self, description: &Description) -> Result<Option<Tensor<f32>>, SceneError> {

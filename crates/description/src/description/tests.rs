@@ -54,6 +54,39 @@ fn numbers_against_their_rule_are_refused_where_they_stand() {
 }
 
 #[test]
+fn a_lens_has_one_opening() {
+    let lens = |keys: &str| said_of(&format!("[pipeline]\nlens = {{ {keys} }}\n"));
+    let own = |keys: &str| said_of(&format!("[[views]]\ncamera = {{}}\nlens = {{ {keys} }}\n"));
+    assert_eq!(lens("aperture = 4, focus = 5, surfaces = 0, largest_radius = 20"), "fine");
+    assert_eq!(lens("radius = 0.1, focus = 5"), "fine");
+    assert_eq!(own("focus = 5"), "fine");
+    assert_eq!(own("aperture = 3"), "fine");
+    let both = "a lens has either `aperture` or `radius`";
+    for (said, expected) in [
+        (lens("aperture = 4, radius = 0.1, focus = 5"), both),
+        (own("aperture = 4, radius = 0.1"), both),
+        (lens("focus = 5"), "a lens has `aperture` or `radius`"),
+        (lens("aperture = 4"), "the key `focus` is missing"),
+        (lens("aperture = -1, focus = 5"), "a finite number, 0 or above, is needed here"),
+        (lens("aperture = 4, focus = 0"), "a finite number above 0 is needed here"),
+        (lens("aperture = 4, focus = 5, surfaces = 9"), "a whole number from 0 to 8"),
+        (lens("aperture = 4, focus = 5, largest_radius = 2000"), "a number from 1 to 1024"),
+        (lens("aperture = 4, focus = 5, tolerance = 0.1"), "unknown key `tolerance`"),
+        (own("surfaces = 2"), "unknown key `surfaces`"),
+    ] {
+        assert!(said.starts_with("scene.toml:") && said.contains(expected), "{said}");
+    }
+    // A resumed fit compares keys.
+    let text =
+        "[pipeline]\nlens = { radius = 0.5, focus = 5 }\n[learn.lens]\nper_view = [\"focus\"]\n";
+    let keys = Description::parse(text, Path::new("scene.toml")).unwrap().keys();
+    let value = |key: &str| keys.get(key).map(String::as_str);
+    assert_eq!(value("pipeline.lens.radius"), Some("0.5"));
+    assert_eq!(value("pipeline.lens.aperture"), None);
+    assert_eq!(value("learn.lens.per_view"), Some("[\"focus\"]"));
+}
+
+#[test]
 fn nesting_without_end_is_an_error() {
     let deep = format!("seed = {}", "[".repeat(1_000_000));
     assert!(said_of(&deep).starts_with("scene.toml:1:"));

@@ -143,7 +143,7 @@ fn loss_of_view<'t>(
     let target = targets.get(view, reduce).map_err(fit_error)?;
     let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
     if let Some(loss) = &target.loss {
-        return Ok(drawn.light.map(|light| renderer.toned(light))?.loss(loss)?);
+        return Ok(drawn.light()?.map(|light| renderer.toned(light))?.loss(loss)?);
     }
     let image = renderer.image(values, &drawn, reduce)?;
     let target = values.tape.constant(&target.image);

@@ -7,7 +7,9 @@ use bokashi_fit::{Mapping, Parameter};
 use bokashi_render_ops::RenderError;
 
 use super::frame::Frame;
-use crate::description::{Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Positive};
+use crate::description::{
+    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Positive,
+};
 use crate::error::{Location, SceneError};
 use crate::object::Object;
 use crate::scene::Scene;
@@ -51,6 +53,8 @@ pub(super) enum Subjects {
     /// Those of each mesh after those of the mesh before.
     Materials,
     Lights,
+    /// The whole scene, and then each view.
+    Views,
 }
 
 /// What of a view a learnable changes besides colours.
@@ -115,6 +119,10 @@ impl Learnable {
             }
             Subjects::Lights => {
                 (0..scene.description.lights.len()).map(|index| index.to_string()).collect()
+            }
+            Subjects::Views => {
+                let names = scene.views.iter().map(|view| view.name.clone());
+                std::iter::once(String::new()).chain(names).collect()
             }
         }
     }
@@ -218,6 +226,12 @@ fn number(rate: Option<Positive>) -> Option<f64> {
 
 impl<'l> From<&'l LearnNumbers> for Entry<'l> {
     fn from(entry: &'l LearnNumbers) -> Self {
+        Self { rate: number(entry.rate), ..Self::default() }
+    }
+}
+
+impl<'l> From<&'l LearnLens> for Entry<'l> {
+    fn from(entry: &'l LearnLens) -> Self {
         Self { rate: number(entry.rate), ..Self::default() }
     }
 }

@@ -7,6 +7,7 @@
 
 mod frame;
 mod learnable;
+mod lens;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -15,8 +16,8 @@ mod values;
 pub(crate) use self::frame::{Frame, scaled_intrinsics};
 pub(crate) use self::learnable::{Learnable, Moves};
 pub(crate) use self::table::{
-    APERTURE, BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, EXPOSURE, FOCUS, INTRINSICS,
-    LIGHT_COLORS, LIGHT_PLACES, METALLIC, POSE, ROUGHNESS, TABLE, TEXTURE, VERTICES,
+    BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, EXPOSURE, INTRINSICS, LIGHT_COLORS,
+    LIGHT_PLACES, METALLIC, POSE, ROUGHNESS, TABLE, TEXTURE, VERTICES,
 };
 pub use self::table::{LearntKey, learnt_keys};
 pub(crate) use self::values::Recorded;

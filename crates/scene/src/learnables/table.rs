@@ -5,13 +5,14 @@ use bokashi_fit::Mapping;
 
 use super::frame::scaled_intrinsics;
 use super::learnable::{Entry, Learnable, Moves, Subjects};
+use super::lens::{APERTURE, FOCUS, RADIUS};
 use crate::cameras::Distortion;
-use crate::description::{Finite, Learn, LensEntry, LightEntry, LightPlace, NotNegative, Positive};
+use crate::description::{Finite, Learn, LightEntry, LightPlace, NotNegative, Positive};
 use crate::object::SurfaceMaterial;
 use crate::scene::Scene;
 
 /// All rows.
-pub(crate) static TABLE: [&Learnable; 16] = [
+pub(crate) static TABLE: [&Learnable; 17] = [
     &VERTICES,
     &COLORS,
     &TEXTURE,
@@ -27,6 +28,7 @@ pub(crate) static TABLE: [&Learnable; 16] = [
     &EXPOSURE,
     &BLUR,
     &APERTURE,
+    &RADIUS,
     &FOCUS,
 ];
 
@@ -51,7 +53,7 @@ pub fn learnt_keys(learn: &Learn) -> Vec<LearntKey> {
         Some(LearntKey { key: row.key, rate: entry.rate, usual_rate, unit })
     });
     let mut keys: Vec<_> = keys.collect();
-    // Aperture and focus are in one table.
+    // The numbers of a lens are in one table.
     keys.dedup();
     keys
 }
@@ -286,42 +288,8 @@ pub(crate) static BLUR: Learnable = Learnable {
     ..Learnable::new("blur", Subjects::Scene, 0.05)
 };
 
-/// The lens's aperture in pixels, a number.
-pub(crate) static APERTURE: Learnable = Learnable {
-    name: "aperture",
-    start: |scene, _| number(scene.description.pipeline.lens?.aperture.0),
-    apply: |scene, _, aperture, _| {
-        set_lens(scene, |lens| lens.aperture = NotNegative(aperture.item().into()));
-        Ok(())
-    },
-    ..LENS
-};
-
-/// The distance that the lens shows sharp, in units of the scene, a number.
-pub(crate) static FOCUS: Learnable = Learnable {
-    name: "focus",
-    start: |scene, _| number(scene.description.pipeline.lens?.focus.0),
-    apply: |scene, _, focus, _| {
-        set_lens(scene, |lens| lens.focus = Positive(focus.item().into()));
-        Ok(())
-    },
-    ..LENS
-};
-
 /// The unit of motions.
 const MOTION: &str = "radians, and the scene's radius";
-
-/// What both numbers of a lens have in common.
-const LENS: Learnable = Learnable {
-    entry: |learn| learn.lens.as_ref().map(Entry::from),
-    mapping: Mapping::Exp,
-    unit: "logarithms",
-    refusal: |scene, _, _| {
-        let rule = "a lens that is learnt is in the pipeline";
-        scene.description.pipeline.lens.is_none().then(|| rule.to_owned())
-    },
-    ..Learnable::new("lens", Subjects::Scene, 0.02)
-};
 
 /// A channel of materials' maps of roughness and metallic.
 const fn channel<const CHANNEL: usize>(key: &'static str) -> Learnable {
@@ -367,10 +335,6 @@ fn material(scene: &Scene, index: usize) -> Option<&SurfaceMaterial> {
 fn set_material(scene: &mut Scene, index: usize, set: impl Fn(&mut SurfaceMaterial)) {
     let mut materials = scene.objects.iter_mut().flat_map(|object| &mut object.materials);
     materials.nth(index).into_iter().for_each(set);
-}
-
-fn set_lens(scene: &mut Scene, set: impl Fn(&mut LensEntry)) {
-    scene.description.pipeline.lens.iter_mut().for_each(set);
 }
 
 /// Sets roughness, channel 0, or metallic, channel 1.

@@ -67,6 +67,11 @@ lens = { aperture = 0.5, focus = 3.5 }
 
 /// The scene with an empty table of `[learn]` for each row, and its renderer.
 fn scene(folder: &Path) -> Renderer {
+    scene_with(folder, "", "")
+}
+
+/// The scene with other text in the place of some of it.
+fn scene_with(folder: &Path, from: &str, to: &str) -> Renderer {
     let keys: BTreeSet<_> = TABLE.iter().map(|row| row.key).collect();
     let table = |key: &&str| match *key {
         "colors" => "[learn.colors]\nmeshes = [\"cube\"]\n".to_owned(),
@@ -76,8 +81,26 @@ fn scene(folder: &Path) -> Renderer {
     };
     let learn: String = keys.iter().map(table).collect();
     let file = folder.join("scene.toml");
-    fs::write(&file, format!("{SCENE}{learn}")).unwrap();
+    fs::write(&file, format!("{SCENE}{learn}").replacen(from, to, 1)).unwrap();
     Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap()
+}
+
+/// Each row, and a scene that has what it learns: a lens has an aperture or a radius, and views have their own.
+fn cases(folder: &Path) -> Vec<(Arc<Renderer>, &'static Learnable)> {
+    let usual = Arc::new(scene(folder));
+    let radius = Arc::new(scene_with(folder, "aperture = 0.5", "radius = 0.0625"));
+    let of_views = "name = \"front\"\nlens = { aperture = 0.75, focus = 3 }";
+    let own = Arc::new(scene_with(folder, "name = \"front\"", of_views));
+    let per_view = "[learn.lens]\nper_view = [\"focus\"]";
+    let each = Arc::new(scene_with(folder, "[learn.lens]", per_view));
+    let mut cases = Vec::new();
+    for row in TABLE {
+        cases.push((Arc::clone(if row.name == "radius" { &radius } else { &usual }), row));
+        if row.key == "lens" && row.name != "radius" {
+            cases.extend([&own, &each].map(|renderer| (Arc::clone(renderer), row)));
+        }
+    }
+    cases
 }
 
 /// A row's parameters at their starts, as values.
@@ -145,7 +168,11 @@ fn numbers(scene: &Scene) -> Vec<f64> {
     }
     let lens = pipeline.lens.unwrap();
     all.extend([pipeline.exposure.unwrap().0, pipeline.blur.unwrap().0]);
-    all.extend([lens.aperture.0, lens.focus.0]);
+    all.extend([lens.opening.number(), lens.focus.0]);
+    for view in &scene.views {
+        all.push(view.lens.opening.unwrap_or(lens.opening).number());
+        all.push(view.lens.focus.unwrap_or(lens.focus).0);
+    }
     all
 }
 
@@ -172,9 +199,8 @@ fn furthest(a: &[f32], b: &[f32]) -> f32 {
 #[test]
 fn the_start_of_each_row_gives_the_scene_back() {
     let folder = tempfile::tempdir().unwrap();
-    let renderer = scene(folder.path());
-    let expected = numbers(renderer.scene());
-    for row in TABLE {
+    for (renderer, row) in cases(folder.path()) {
+        let expected = numbers(renderer.scene());
         let (found, values) = put(&renderer, row, |start| start.raw().clone());
         let names: Vec<_> = values.keys().collect();
         assert_eq!(numbers(&found).len(), expected.len(), "{names:?}");
@@ -188,9 +214,8 @@ fn the_start_of_each_row_gives_the_scene_back() {
 #[test]
 fn what_each_row_learns_is_drawn_from_the_scene_as_it_is_drawn_from_the_tape() {
     let folder = tempfile::tempdir().unwrap();
-    let renderer = scene(folder.path());
-    let before = image(&renderer, None);
-    for row in TABLE {
+    for (renderer, row) in cases(folder.path()) {
+        let before = image(&renderer, None);
         let (with_it, values) = put(&renderer, row, moved);
         let learnt = values.iter().fold(Parameters::new(), |all, (name, value)| {
             all.with(Parameter::new(name, value.clone())).unwrap()
@@ -209,7 +234,7 @@ fn what_each_row_learns_is_drawn_from_the_scene_as_it_is_drawn_from_the_tape() {
                 let variables = learnt.map(|parameters| parameters.record(&tape));
                 let values = Values { tape: &tape, learnt: variables.as_ref() };
                 let drawn = renderer.draw(&values, 0, 1, false).unwrap();
-                drawn.fragments.weight.map(|weight| weight.value().data().to_vec())
+                drawn.fragments().weight.map(|weight| weight.value().data().to_vec())
             };
             fragments(Some(&learnt)) != fragments(None)
         };
@@ -220,7 +245,6 @@ fn what_each_row_learns_is_drawn_from_the_scene_as_it_is_drawn_from_the_tape() {
 #[test]
 fn what_each_row_learns_is_in_the_files_that_are_written() {
     let folder = tempfile::tempdir().unwrap();
-    let renderer = scene(folder.path());
     let written = |scene: &Scene| -> BTreeMap<_, _> {
         let out = folder.path().join("out");
         let mut scene = scene.clone();
@@ -231,9 +255,9 @@ fn what_each_row_learns_is_in_the_files_that_are_written() {
         let files = scene.save_results(&out).unwrap();
         files.into_iter().map(|file| (file.clone(), fs::read(file).unwrap())).collect()
     };
-    let before = written(renderer.scene());
-    assert_eq!(before, written(renderer.scene()));
-    for row in TABLE {
+    for (renderer, row) in cases(folder.path()) {
+        let before = written(renderer.scene());
+        assert_eq!(before, written(renderer.scene()));
         let (found, values) = put(&renderer, row, moved);
         assert_ne!(written(&found), before, "{:?}", values.keys());
         // As it was learnt, to the bit: who goes on starts there.

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, Lens, LensOptions, Picture, Radius, RasterOptions,
-    RenderError, Silhouettes, Size, Surface, depth_of_field, exposure, eye_depth, gaussian_blur,
-    interpolate, rasterize, srgb_encode,
+    Background, Blur, Cull, Fragments, Picture, RasterOptions, RenderError, Silhouettes, Size,
+    Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize, srgb_encode,
 };
 use glam::DMat4;
 
-use super::fragment_cache::FragmentCache;
+use super::fragment_cache::{FragmentCache, Key};
+use super::lens::{Layer, StepLens};
 use super::lighting::Lighting;
 use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
 use super::normals::{MotionContext, Normals, VertexNormals};
@@ -19,9 +19,7 @@ use super::parts::Parts;
 use super::view_camera::ViewCamera;
 use crate::description::{CullName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
-use crate::learnables::{
-    APERTURE, BLUR, EXPOSURE, FOCUS, Frame, Learnable, Moves, Recorded, TABLE, Values,
-};
+use crate::learnables::{BLUR, EXPOSURE, Frame, Learnable, Moves, Recorded, TABLE, Values};
 use crate::scene::Scene;
 
 /// A scene, ready to be drawn: what no step changes is worked out once.
@@ -45,12 +43,46 @@ struct Interpolated<'t, 'a> {
 
 /// A view, drawn.
 pub struct Drawn<'t> {
-    /// Its fragments.
-    pub fragments: Fragments<'t, f32>,
-    /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
-    pub light: Picture<'t, f32>,
+    /// What is visible, where a lens is in the way with a margin around the image.
+    visible: Layer<'t>,
+    background: Background<'t, f32>,
+    /// The lens, and the layers behind what is visible.
+    lens: Option<(StepLens<'t>, Vec<Layer<'t>>)>,
     /// The vertices in the world.
     pub(crate) world: Var<'t, f32>,
+}
+
+impl<'t> Drawn<'t> {
+    /// Its fragments. Behind a lens their image has a margin.
+    pub fn fragments(&self) -> &Fragments<'t, f32> {
+        &self.visible.fragments
+    }
+
+    /// Whether all of it is in focus.
+    pub(crate) fn is_sharp(&self) -> bool {
+        self.lens.is_none()
+    }
+
+    /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn light(&self) -> Result<Picture<'t, f32>, RenderError> {
+        self.visible.fragments.picture(self.visible.light, self.background)
+    }
+}
+
+/// What is drawn of a view.
+#[derive(Clone, Copy)]
+struct Request<'a> {
+    view: usize,
+    /// How many times smaller its image is.
+    reduce: usize,
+    /// Whether a fourth channel is 1 where the objects are.
+    with_mask: bool,
+    /// Whether it is seen through its lens.
+    with_lens: bool,
+    cache: Option<&'a FragmentCache>,
 }
 
 impl Renderer {
@@ -146,7 +178,21 @@ impl Renderer {
         reduce: usize,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        self.draw_cached(values, (view, reduce), with_mask, None)
+        let request = Request { view, reduce, with_mask, with_lens: true, cache: None };
+        self.draw_request(values, request)
+    }
+
+    /// As [`Renderer::draw`], with everything in focus.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub(crate) fn draw_sharp<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        view: usize,
+    ) -> Result<Drawn<'t>, FitError> {
+        let request = Request { view, reduce: 1, with_mask: true, with_lens: false, cache: None };
+        self.draw_request(values, request)
     }
 
     /// As [`Renderer::draw`], for a step of many: where neither geometry nor cameras are learnt, a view's
@@ -162,35 +208,76 @@ impl Renderer {
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
         let cache = self.is_frozen(values).then_some(&self.cache);
-        self.draw_cached(values, (view, reduce), with_mask, cache)
+        self.draw_request(values, Request { view, reduce, with_mask, with_lens: true, cache })
     }
 
-    /// Draws a view, with its fragments from the cache where they are there.
-    fn draw_cached<'t>(
+    fn draw_request<'t>(
         &self,
         values: &Values<'t, '_>,
-        key @ (view, reduce): (usize, usize),
-        with_mask: bool,
-        cache: Option<&FragmentCache>,
+        Request { view, reduce, with_mask, with_lens, cache }: Request<'_>,
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let interpolated = self.interpolated(values, world)?;
         let mut camera = self.scene.views[view].camera.scaled(reduce);
         camera.view *= DMat4::from_translation(self.frame.origin);
-        let step_camera = ViewCamera { frame: &self.frame, view, camera }.in_step(values)?;
-        let fragments = match cache.and_then(|cache| cache.get(key)) {
-            Some(still) => still.on(values.tape),
+        let view_camera = ViewCamera { frame: &self.frame, view, camera };
+        let step_camera = view_camera.in_step(values)?;
+        let lens = match with_lens {
+            true => StepLens::new(&self.scene, values, &view_camera, reduce)?,
+            false => None,
+        };
+        let mut clip = None;
+        let lens = match lens {
+            Some(lens) => {
+                let faces = self.parts.assembly.mesh().faces();
+                let positions = clip.insert(step_camera.clip(world)?).value();
+                Some(lens.with_margin(&positions, faces, camera.size, self.frame.near))
+            }
+            None => None,
+        };
+        let key = Key { view, reduce, margin: lens.map_or(0, |lens| lens.margin()) };
+        let layers: Vec<_> = match cache.and_then(|cache| cache.get(key)) {
+            Some(still) => still.iter().map(|still| still.on(values.tape)).collect(),
             None => {
-                let clip = step_camera.clip(world)?;
-                let fragments = self.fragments(clip, interpolated, camera.size)?;
+                let clip = clip.map_or_else(|| step_camera.clip(world), Ok)?;
+                let layers = self.layers(clip, interpolated, camera.size, lens)?;
                 if let Some(cache) = cache {
-                    cache.insert(key, fragments.still());
+                    cache.insert(key, layers.iter().map(Fragments::still).collect());
                 }
-                fragments
+                layers
             }
         };
-        let light = self.light(values, interpolated, world, step_camera.eye()?, &fragments)?;
-        self.compose(values, world, light, fragments, with_mask)
+        let eye = step_camera.eye()?;
+        let mut lit = self.lit(values, interpolated, [world, eye], layers, with_mask)?;
+        let behind = lit.split_off(1);
+        let visible = lit.swap_remove(0);
+        let background = self.behind(if with_mask { 4 } else { 3 });
+        let background = Background::Color(values.tape.constant(&background.as_slice().into()));
+        Ok(Drawn { visible, background, lens: lens.map(|lens| (lens, behind)), world })
+    }
+
+    /// Layers with their light.
+    fn lit<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        interpolated: Interpolated<'t, '_>,
+        [world, eye]: [Var<'t, f32>; 2],
+        layers: Vec<Fragments<'t, f32>>,
+        with_mask: bool,
+    ) -> Result<Vec<Layer<'t>>, FitError> {
+        let channels = if with_mask { 4 } else { 3 };
+        let lit = layers.into_iter().enumerate().map(|(k, fragments)| {
+            let light = match k {
+                // It says what hides what, and its light is not asked for.
+                1 => values.tape.constant_full([fragments.coverage.count(), channels], 0.0),
+                _ => {
+                    let light = self.light(values, interpolated, world, eye, &fragments)?;
+                    self.exposed(values, light, with_mask)?
+                }
+            };
+            Ok(Layer { fragments, light })
+        });
+        lit.collect()
     }
 
     /// Whether nothing is learnt that changes fragments: where vertices are seen, or with exact silhouettes where
@@ -234,37 +321,56 @@ impl Renderer {
         Ok(rasterize(clip, self.parts.assembly.mesh(), options.creases(&shown))?)
     }
 
-    /// A view of fragments with this light, `[N, 3]`, before its background.
-    fn compose<'t>(
+    /// What is visible of vertices in clip space, and with a lens the layers at pixel centres, of which the first
+    /// shows the same.
+    fn layers<'t>(
+        &self,
+        clip: Var<'t, f32>,
+        interpolated: Interpolated<'t, '_>,
+        size: Size,
+        lens: Option<StepLens<'t>>,
+    ) -> Result<Vec<Fragments<'t, f32>>, FitError> {
+        let Some(lens) = lens else { return Ok(vec![self.fragments(clip, interpolated, size)?]) };
+        let (clip, size) = (lens.clip(clip, size)?, lens.size(size));
+        let mut layers = vec![self.fragments(clip, interpolated, size)?];
+        if lens.surfaces > 0 {
+            let options = self.options(size).silhouettes(Silhouettes::Aliased);
+            let most = Some(lens.surfaces + 1);
+            layers.extend(depth_layers(clip, self.parts.assembly.mesh(), options, most)?);
+        }
+        Ok(layers)
+    }
+
+    /// Light, `[N, 3]`, multiplied as the scene says; `with_mask` adds a fourth channel of 1.
+    fn exposed<'t>(
         &self,
         values: &Values<'t, '_>,
-        world: Var<'t, f32>,
         light: Var<'t, f32>,
-        fragments: Fragments<'t, f32>,
         with_mask: bool,
-    ) -> Result<Drawn<'t>, FitError> {
-        let tape = values.tape;
-        let mut surface = match self.scene.description.pipeline.exposure {
+    ) -> Recorded<'t> {
+        let light = match self.scene.description.pipeline.exposure {
             None if values.learnt(&EXPOSURE, "").is_none() => light,
             stops => {
                 let stops = stops.map_or(0.0, |stops| stops.0);
                 exposure(light, values.number(&EXPOSURE, "", stops))?
             }
         };
-        if with_mask {
-            let ones = tape.constant_full([fragments.coverage.count(), 1], 1.0);
-            surface = Var::concat(&[surface, ones], 1)?;
+        if !with_mask {
+            return Ok(light);
         }
-        let behind = self.behind(if with_mask { 4 } else { 3 });
-        let background = Background::Color(tape.constant(&Tensor::from(behind.as_slice())));
-        let light = fragments.picture(surface, background)?;
-        Ok(Drawn { fragments, light, world })
+        let ones = values.tape.constant_full([light.shape()[0], 1], 1.0);
+        Ok(Var::concat(&[light, ones], 1)?)
     }
 
     /// Whether a picture goes through operations that see its neighbours: it is then an image.
     pub fn is_dense(&self) -> bool {
-        let pipeline = &self.scene.description.pipeline;
-        pipeline.blur.is_some() || pipeline.lens.is_some()
+        let description = &self.scene.description;
+        let is_learnt = description.learn.lens.is_some();
+        let has_lens = description.pipeline.lens.is_some_and(|lens| {
+            let own = self.scene.views.iter().filter_map(|view| view.lens.opening);
+            is_learnt || own.chain([lens.opening]).any(|opening| opening.number() > 0.0)
+        });
+        description.pipeline.blur.is_some() || has_lens
     }
 
     /// The picture's light as pixels stand for it; the fourth channel stays as it is.
@@ -292,27 +398,16 @@ impl Renderer {
         drawn: &Drawn<'t>,
         reduce: usize,
     ) -> Recorded<'t> {
-        let pipeline = &self.scene.description.pipeline;
         if !self.is_dense() {
-            return Ok(drawn.light.map(|light| self.toned(light))?.image()?);
+            return Ok(drawn.light()?.map(|light| self.toned(light))?.image()?);
         }
-        let mut image = drawn.light.image()?;
-        // Lengths in pixels shrink with the image.
-        let share = 1.0 / reduce as f32;
-        if let Some(lens) = pipeline.lens {
-            let far = 1e3 * self.frame.radius;
-            let distances = eye_depth(&drawn.fragments)?.image(&drawn.fragments, far)?;
-            let options = LensOptions {
-                radius: Radius::Tolerance(lens.tolerance.map_or(1e-3, |tolerance| tolerance.0)),
-                ..LensOptions::default()
-            };
-            let lens = Lens {
-                aperture: values.number(&APERTURE, "", lens.aperture.0) * share,
-                focus: values.number(&FOCUS, "", lens.focus.0),
-            };
-            image = depth_of_field(image, distances, lens, &options)?.image;
-        }
-        if let Some(blur) = pipeline.blur {
+        let mut image = match &drawn.lens {
+            Some((lens, behind)) => lens.image(&drawn.visible, behind, drawn.background)?,
+            None => drawn.light()?.image()?,
+        };
+        if let Some(blur) = self.scene.description.pipeline.blur {
+            // Lengths in pixels shrink with the image.
+            let share = 1.0 / reduce as f32;
             let sigma = values.number(&BLUR, "", blur.0) * share;
             image = gaussian_blur(image, sigma, &Blur::default())?;
         }

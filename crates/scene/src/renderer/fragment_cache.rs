@@ -14,8 +14,13 @@ const PER_VERTEX: usize = 16;
 /// Of a pixel, seen or not.
 const PER_PIXEL: usize = 8;
 
-/// A view, and how many times smaller it is.
-type Key = (usize, usize);
+/// A view, how many times smaller it is, and how wide its margin is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Key {
+    pub(super) view: usize,
+    pub(super) reduce: usize,
+    pub(super) margin: usize,
+}
 
 /// Fragments by view, those of the first views that are drawn. Which of them are kept changes no bit.
 #[derive(Default)]
@@ -24,23 +29,26 @@ pub(super) struct FragmentCache(Mutex<Inner>);
 #[derive(Default)]
 struct Inner {
     bytes: usize,
-    views: HashMap<Key, StillFragments<f32>>,
+    /// What is visible, and the layers behind it.
+    views: HashMap<Key, Vec<StillFragments<f32>>>,
 }
 
 impl FragmentCache {
-    pub(super) fn get(&self, key: Key) -> Option<StillFragments<f32>> {
+    pub(super) fn get(&self, key: Key) -> Option<Vec<StillFragments<f32>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).views.get(&key).cloned()
     }
 
-    pub(super) fn insert(&self, key: Key, still: StillFragments<f32>) {
-        let coverage = still.coverage();
-        let bytes = PER_FRAGMENT * coverage.count()
-            + PER_VERTEX * coverage.mesh().vertex_count()
-            + PER_PIXEL * coverage.size().pixels();
+    pub(super) fn insert(&self, key: Key, layers: Vec<StillFragments<f32>>) {
+        let bytes = layers.iter().map(StillFragments::coverage).map(|coverage| {
+            PER_FRAGMENT * coverage.count()
+                + PER_VERTEX * coverage.mesh().vertex_count()
+                + PER_PIXEL * coverage.size().pixels()
+        });
+        let bytes = bytes.sum::<usize>();
         let mut inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if inner.bytes + bytes <= BUDGET && !inner.views.contains_key(&key) {
             inner.bytes += bytes;
-            inner.views.insert(key, still);
+            inner.views.insert(key, layers);
         }
     }
 }

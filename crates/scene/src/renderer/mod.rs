@@ -5,7 +5,9 @@
 
 mod drawing;
 mod fragment_cache;
+mod lens;
 mod lighting;
+mod margin;
 mod materials;
 mod normals;
 mod parts;

@@ -320,8 +320,7 @@ fn a_blur_shrinks_with_the_image() {
              [pipeline]\ntone = \"linear\"\n{rest}"
         )
     };
-    // Behind a lens the width of the blur jumps at silhouettes, in whole pixels.
-    let lens = "[pipeline.lens]\naperture = 4\nfocus = 20\n";
+    let lens = "[pipeline.lens]\naperture = 8\nfocus = 20\n";
     for (rest, bound) in [("blur = 6\n", 1e-3), (lens, 0.01)] {
         let whole = of_text(&scene(rest), 1);
         for reduce in [2, 3] {
@@ -338,6 +337,58 @@ fn a_blur_shrinks_with_the_image() {
             let off = all.map(|(i, j, k)| (small[[i, j, k]] - mean(i, j, k)).abs());
             let off = off.sum::<f32>() / (side * side * 3) as f32;
             assert!(off < bound, "{rest:?} {reduce}: {off}");
+        }
+    }
+}
+
+/// The mean square of the picture of two tilted boards through a lens, and its gradient by opening and focus, raw.
+fn contrast(opening: &str, values: [f32; 2]) -> (f64, [f64; 2]) {
+    let text = format!(
+        "[[meshes]]\nshape = \"plane\"\nplace = {{ rotation = [0.3, 0, 0, 1], scale = 0.6, translation = [-0.3, 0, 1] }}\n\
+         [[meshes]]\nname = \"far\"\nshape = \"plane\"\nplace = {{ rotation = [0, 0.3, 0, 1] }}\n\
+         material = {{ base_color = [0.2, 0.5, 0.8] }}\n\
+         [[views]]\nname = \"a\"\n[views.camera]\nsize = [48, 40]\nangle = 40\nposition = [0.2, 0.3, 4]\n\
+         [pipeline]\ntone = \"linear\"\nlens = {{ {opening} = 1, focus = 1 }}\n[learn.lens]\nper_view = [\"focus\"]\n"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    fs::write(&file, text).unwrap();
+    let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
+    let tape = Tape::new();
+    let named = [(opening.to_owned(), values[0]), ("focus/a".to_owned(), values[1])];
+    let parameters = named.iter().fold(Parameters::new(), |all, (name, value)| {
+        let parameter = Parameter::new(name.clone(), Tensor::scalar(*value)).rate(1.0);
+        all.with(parameter).unwrap()
+    });
+    let variables = parameters.record(&tape);
+    let step = Values { tape: &tape, learnt: Some(&variables) };
+    let drawn = renderer.draw(&step, 0, 1, false).unwrap();
+    let image = renderer.image(&step, &drawn, 1).unwrap();
+    let sum = image.value().data().iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+    let gradients = image.square().sum().backward().unwrap();
+    let slopes =
+        named.map(|(name, _)| gradients.get_or_zeros(variables.get(&name).unwrap()).item().into());
+    (sum, slopes)
+}
+
+#[test]
+fn gradients_of_a_lens_are_those_of_differences() {
+    for (opening, width) in [("aperture", 6.0), ("radius", 0.25)] {
+        for focus in [2.4, 3.5] {
+            let at = [width, focus];
+            let (_, slopes) = contrast(opening, at);
+            for k in 0..2 {
+                // Slopes step where circles pass rungs: the step is short.
+                let step = 1e-4 * at[k];
+                let moved = |sign: f32| {
+                    let mut at = at;
+                    at[k] += sign * step;
+                    contrast(opening, at).0
+                };
+                let quotient = (moved(1.0) - moved(-1.0)) / (2.0 * f64::from(step));
+                println!("{opening} {at:?} {k}: {} {quotient}", slopes[k]);
+                assert!((slopes[k] / quotient - 1.0).abs() < 0.025, "{opening} {at:?} by {k}");
+            }
         }
     }
 }

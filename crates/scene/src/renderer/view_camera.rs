@@ -9,7 +9,9 @@ use bokashi_render_ops::{
 use glam::DVec3;
 
 use crate::cameras::{Camera, Distortion};
-use crate::learnables::{CAMERAS, DISTORTION, Frame, INTRINSICS, Values, scaled_intrinsics};
+use crate::learnables::{
+    CAMERAS, DISTORTION, Frame, INTRINSICS, Recorded, Values, scaled_intrinsics,
+};
 
 /// A view's camera at one size of its image.
 pub(super) struct ViewCamera<'a> {
@@ -80,6 +82,16 @@ impl ViewCamera<'_> {
         };
         let (view, lens) = (self.view_matrix(values)?, self.lens_matrix(values)?);
         Ok(StepCamera { tape: values.tape, view, lens, distortion })
+    }
+
+    /// The focal length in pixels, the mean of those along x and y.
+    pub(super) fn focal_length<'t>(&self, values: &Values<'t, '_>) -> Recorded<'t> {
+        let Camera { size, intrinsics: fixed, .. } = self.camera;
+        let intrinsics = match values.learnt(&INTRINSICS, "") {
+            None => values.tape.constant(&Tensor::from(fixed.map(|number| number as f32))),
+            Some(learnt) => scaled_intrinsics(fixed, size.width, learnt)?,
+        };
+        Ok(intrinsics.slice(0, 0..2)?.mean()?)
     }
 
     /// The view matrix: fixed, or a variable where cameras are learnt.

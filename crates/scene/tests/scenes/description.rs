@@ -119,7 +119,7 @@ fn a_key_that_a_page_lacks_is_found() {
     let schema: Value = serde_json::from_str(&schema()).unwrap();
     let keys = [
         ("seed = 7\n", ".seed"),
-        ("tolerance = 1e-3\n", "LensEntry.tolerance"),
+        ("surfaces = 2\n", "LensEntry.surfaces"),
         ("patience = 300\n", "StopEntry.patience"),
         ("direction = [1, 2, 1]", "directional.direction"),
         ("colmap = \"sparse\"\n", "CamerasEntry.colmap"),

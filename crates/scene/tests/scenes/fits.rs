@@ -9,7 +9,7 @@ use bokashi_scene::description::LightPlace;
 use bokashi_scene::{Attribute, Camera, ColorSpace, Location, Picture, Scene, SceneFit, SceneView};
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::rays::{Ball, Eye, blurred, distances, light, photograph};
+use crate::rays::{Ball, Eye, blurred, light, photograph, through_lens};
 
 /// Degrees of view of all cameras.
 const ANGLE: f64 = 38.0;
@@ -69,7 +69,7 @@ fn held_out(fit: &SceneFit) -> [f64; 2] {
 }
 
 /// Colours of each object's ball at its vertices.
-fn paint(scene: &mut Scene, balls: &[Ball]) {
+pub(crate) fn paint(scene: &mut Scene, balls: &[Ball]) {
     for (object, ball) in scene.objects.iter_mut().zip(balls) {
         let places = object.positions.data().chunks(3);
         let places = places.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
@@ -256,7 +256,7 @@ rates = 0.3
 }
 
 /// Two balls, one behind the other, known but for what `learn` names, and one photograph of them.
-fn two_balls(folder: &Path, photo: &Tensor<f32>, pipeline: &str) -> Scene {
+pub(crate) fn two_balls(folder: &Path, photo: &Tensor<f32>, pipeline: &str) -> Scene {
     // Light before black.
     let seen = Tensor::from_flat_fn([photo.shape()[0], photo.shape()[1], 3], |k| photo.data()[k]);
     let picture = Picture::from_color(&seen, ColorSpace::Srgb).unwrap();
@@ -284,7 +284,7 @@ name = "far"
 }
 
 /// The balls of `two_balls`, and its camera.
-fn balls_and_eye() -> ([Ball; 2], Eye) {
+pub(crate) fn balls_and_eye() -> ([Ball; 2], Eye) {
     let balls = [
         Ball::motley(DVec3::new(-0.4, 0.0, 1.2), 0.45),
         Ball::motley(DVec3::new(0.6, 0.1, -1.5), 0.9),
@@ -314,22 +314,27 @@ fn the_sigma_of_a_blurred_photograph_is_learnt() {
 }
 
 #[test]
-fn focus_and_aperture_of_a_photograph_are_learnt() {
+fn focus_and_opening_of_a_photograph_are_learnt() {
     let folder = tempfile::tempdir().unwrap();
     let (balls, eye) = balls_and_eye();
-    let (aperture, focus) = (3.0, 3.2);
-    let far = distances(&balls, &eye, 1e4);
-    let sigmas: Vec<_> = far.iter().map(|z| aperture * (1.0 - focus / z).abs()).collect();
-    let photo = blurred(&before_black(&balls, &eye), &sigmas);
-    let pipeline =
-        "[pipeline]\nlens = { aperture = 2.0, focus = 4.0 }\n[learn.lens]\n[stop]\nsteps = 300\n";
-    let mut scene = two_balls(folder.path(), &photo, pipeline);
-    paint(&mut scene, &balls);
-    let found = fitted(scene).learnt().unwrap();
-    let lens = found.description.pipeline.lens.unwrap();
-    println!("aperture {}, focus {}", lens.aperture.0, lens.focus.0);
-    assert!((lens.focus.0 / focus - 1.0).abs() < 0.02, "{}", lens.focus.0);
-    assert!((lens.aperture.0 / aperture - 1.0).abs() < 0.03, "{}", lens.aperture.0);
+    let (radius, focus) = (0.14, 3.4);
+    let aperture = eye.focal_length() * radius / focus;
+    let photo = through_lens(&balls, &eye, radius, focus);
+    for (key, truth) in [("aperture", aperture), ("radius", radius)] {
+        let pipeline = format!(
+            "[pipeline]\ncull = \"back\"\nlens = {{ {key} = {:?}, focus = {:?} }}\n[learn.lens]\n\
+             [stop]\nsteps = 120\n",
+            0.75 * truth,
+            1.25 * focus
+        );
+        let mut scene = two_balls(folder.path(), &photo, &pipeline);
+        paint(&mut scene, &balls);
+        let found = fitted(scene).learnt().unwrap().description.pipeline.lens.unwrap();
+        let off = [found.opening.number() / truth, found.focus.0 / focus].map(|share| share - 1.0);
+        println!("{key}, focus off by {off:?}");
+        assert_eq!(found.opening.key(), key);
+        assert!(off[0].abs() < 0.02 && off[1].abs() < 0.02, "{key}: {off:?}");
+    }
 }
 
 #[test]

@@ -1,8 +1,12 @@
 //! Lenses of scenes: drawn, learnt, and where edges should be bent.
 
-use bokashi_scene::{SceneFit, most_bent_edges};
+use std::fs;
 
+use bokashi_scene::{Scene, SceneFit, most_bent_edges};
+
+use super::fits::{balls_and_eye, paint, two_balls};
 use super::fixtures::{drawn, furthest, load, png};
+use super::rays::through_lens;
 
 #[test]
 fn a_fisheye_sees_a_ball_where_its_angle_is_before_and_behind_the_eye() {
@@ -106,4 +110,91 @@ fn the_edge_that_a_lens_bends_most_is_found() {
     let expected = 200.0 * (side - corner * 0.5_f64.sqrt());
     let found = edge("", "fisheye = [0, 0, 0, 0]");
     assert!((found[0].pixels - expected).abs() < 1e-5, "{} {expected}", found[0].pixels);
+}
+
+#[test]
+fn a_thin_lens_sees_what_rays_through_its_points_see() {
+    let folder = tempfile::tempdir().unwrap();
+    let (balls, eye) = balls_and_eye();
+    for (radius, focus) in [(0.14, 3.4), (0.2, 2.6), (0.1, 5.0)] {
+        let truth = through_lens(&balls, &eye, radius, focus);
+        let off = |lens: &str| {
+            let pipeline = format!("[pipeline]\ntone = \"linear\"\ncull = \"back\"\n{lens}");
+            let mut scene = two_balls(folder.path(), &truth, &pipeline);
+            paint(&mut scene, &balls);
+            let image = drawn(scene);
+            let squares = image.data().iter().zip(truth.data()).map(|(a, b)| (a - b).powi(2));
+            (squares.sum::<f32>() / truth.size() as f32).sqrt()
+        };
+        let aperture = eye.focal_length() * radius / focus;
+        let sharp = off("");
+        let found = [("radius", radius), ("aperture", aperture)].map(|(key, number)| {
+            off(&format!("lens = {{ {key} = {number:?}, focus = {focus:?} }}\n"))
+        });
+        println!("radius {radius}, focus {focus}: {found:?}, without a lens {sharp}");
+        assert!(found.iter().all(|off| *off < 0.01), "{found:?}");
+        assert!(sharp > 4.0 * found[0], "{sharp}");
+    }
+}
+
+/// A board in front of the eye, and what a scene says besides.
+fn board(rest: &str) -> String {
+    format!(
+        "[[meshes]]\nshape = \"plane\"\n[[views]]\nname = \"v\"\n\
+         camera = {{ size = [32, 24], angle = 40, position = [0.5, 0, 4] }}\n{rest}"
+    )
+}
+
+#[test]
+fn a_lens_that_is_closed_costs_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = |rest: &str| drawn(load(folder.path(), &board(rest)));
+    let plain = image("");
+    assert_eq!(image("[pipeline]\nlens = { aperture = 0, focus = 2 }\n"), plain);
+    let own = "lens = { radius = 0 }\n[pipeline]\nlens = { radius = 0.2, focus = 2 }\n";
+    assert_eq!(image(own), plain);
+    assert_ne!(image("[pipeline]\nlens = { radius = 0.2, focus = 2 }\n"), plain);
+}
+
+#[test]
+fn what_a_lens_can_not_draw_or_learn_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    let said = |rest: &str| {
+        fs::write(&file, board(rest)).unwrap();
+        Scene::load(&file).err().map_or_else(|| "fine".to_owned(), |error| error.to_string())
+    };
+    let lens = "[pipeline.lens]\nradius = 0.1\nfocus = 2\n";
+    assert_eq!(said(&format!("lens = {{ radius = 0.2, focus = 3 }}\n{lens}")), "fine");
+    for (rest, expected) in [
+        (
+            format!("[pipeline]\nsilhouettes = \"antialias\"\n{lens}"),
+            "are \"exact\" or \"aliased\"",
+        ),
+        ("lens = { focus = 3 }\n".to_owned(), "where `pipeline.lens` is there"),
+        (format!("lens = {{ aperture = 3 }}\n{lens}"), "`radius`, and this has `aperture`"),
+    ] {
+        let said = said(&rest);
+        assert!(said.contains(expected), "{rest}: {said}");
+    }
+    png(folder.path());
+    let refused = |rest: &str| {
+        let text = board(rest)
+            .replace("name = \"v\"", "image = \"a.png\"")
+            .replace("size = [32, 24], ", "");
+        SceneFit::new(load(folder.path(), &text)).err().map(|error| error.to_string())
+    };
+    let learnt = |keys: &str| format!("[learn.lens]\n{keys}\n");
+    assert_eq!(refused(&(lens.to_owned() + &learnt("per_view = [\"focus\"]"))), None);
+    for (rest, expected) in [
+        (learnt(""), "a lens that is learnt is in the pipeline"),
+        (
+            lens.to_owned() + &learnt("per_view = [\"aperture\"]"),
+            "lists what the lens has, and that is \"radius\" and \"focus\"",
+        ),
+        (lens.replace("0.1", "0") + &learnt(""), "a `radius` that is learnt is above 0"),
+    ] {
+        let message = refused(&rest).unwrap_or_default();
+        assert!(message.contains(expected), "{rest}: {message}");
+    }
 }

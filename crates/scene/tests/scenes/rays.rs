@@ -6,6 +6,8 @@ use glam::DVec3;
 
 /// Rays along each side of a pixel.
 const RAYS: usize = 8;
+/// Rays of each pixel through a lens.
+const LENS_RAYS: usize = 512;
 
 /// A ball whose colour is a function of the place on it.
 pub(crate) struct Ball {
@@ -68,6 +70,11 @@ impl Ball {
 }
 
 impl Eye {
+    /// The focal length in pixels.
+    pub(crate) fn focal_length(&self) -> f64 {
+        0.5 * self.pixels as f64 / (0.5 * self.angle.to_radians()).tan()
+    }
+
     /// The direction of a ray through a place in the image, in pixels.
     fn along(&self, coordinate: [f64; 2]) -> DVec3 {
         let forward = (-self.position).normalize();
@@ -86,6 +93,13 @@ pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
     picture.encode_png(&Location::new("photograph.png")).unwrap()
 }
 
+/// What a ray meets first.
+fn color_along(balls: &[Ball], from: DVec3, along: DVec3) -> Option<[f64; 3]> {
+    let met = balls.iter().filter_map(|ball| Some((ball.met(from, along)?, ball)));
+    let far = |(place, _): &(DVec3, &Ball)| place.distance(from);
+    met.min_by(|a, b| far(a).total_cmp(&far(b))).map(|(place, ball)| ball.color(place))
+}
+
 /// Light and opacity, `[pixels, pixels, 4]`; colours are not multiplied by opacity.
 pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
     let Eye { position, pixels, .. } = *eye;
@@ -99,10 +113,7 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
                 coordinate
                     .map(|(coordinate, ray)| coordinate as f64 + (ray as f64 + 0.5) / RAYS as f64),
             );
-            let met = balls.iter().filter_map(|ball| Some((ball.met(position, along)?, ball)));
-            let far = |(place, _): &(DVec3, &Ball)| place.distance(position);
-            if let Some((place, ball)) = met.min_by(|a, b| far(a).total_cmp(&far(b))) {
-                let [red, green, blue] = ball.color(place);
+            if let Some([red, green, blue]) = color_along(balls, position, along) {
                 for (total, part) in total.iter_mut().zip([red, green, blue, 1.0]) {
                     *total += part / (RAYS * RAYS) as f64;
                 }
@@ -119,17 +130,33 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
     Tensor::from_flat_fn([pixels, pixels, 4], |k| light[k])
 }
 
-/// Distances along the view axis at the pixels' centres; `far` where there is nothing.
-pub(crate) fn distances(balls: &[Ball], eye: &Eye, far: f64) -> Vec<f64> {
+/// Light before black, `[pixels, pixels, 3]`, as a thin lens of this radius sees it that is focused at this
+/// distance: the mean over rays from points of the lens through points of the pixel where it is sharp.
+pub(crate) fn through_lens(balls: &[Ball], eye: &Eye, radius: f64, focus: f64) -> Tensor<f32> {
     let forward = (-eye.position).normalize();
-    let rays = (0..eye.pixels * eye.pixels).map(|pixel| {
-        let coordinate =
-            [pixel % eye.pixels, pixel / eye.pixels].map(|coordinate| coordinate as f64 + 0.5);
-        let along = eye.along(coordinate);
-        let met = balls.iter().filter_map(|ball| ball.met(eye.position, along));
-        met.map(|place| (place - eye.position).dot(forward)).fold(far, f64::min)
-    });
-    rays.collect()
+    let right = forward.cross(DVec3::Y).normalize();
+    let down = forward.cross(right);
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let pixels = eye.pixels;
+    let mut light = Vec::with_capacity(pixels * pixels * 3);
+    for pixel in 0..pixels * pixels {
+        let mut total = [0.0; 3];
+        for k in 0..LENS_RAYS {
+            // Points of the pixel by the plastic number, those of the lens on a spiral.
+            let k = k as f64;
+            let [x, y] = [0.754_877_666, 0.569_840_291].map(|share| (0.5 + k * share).fract());
+            let along = eye.along([(pixel % pixels) as f64 + x, (pixel / pixels) as f64 + y]);
+            let sharp = eye.position + focus / along.dot(forward) * along;
+            let (sin, cos) = (golden * k).sin_cos();
+            let from = radius * ((k + 0.5) / LENS_RAYS as f64).sqrt();
+            let from = eye.position + from * (cos * right + sin * down);
+            if let Some(color) = color_along(balls, from, (sharp - from).normalize()) {
+                total = [0, 1, 2].map(|c| total[c] + color[c] / LENS_RAYS as f64);
+            }
+        }
+        light.extend(total.map(|x| x as f32));
+    }
+    Tensor::from_flat_fn([pixels, pixels, 3], |k| light[k])
 }
 
 /// Each pixel a mean of its neighbours, weighted by a Gaussian of its own standard deviation; mirrored at the

@@ -17,7 +17,7 @@ kind = "directional"
 direction = [1, 2, 1]
 color = [3, 3, 3]
 [pipeline]
-silhouettes = "antialias"
+silhouettes = "exact"
 surface = "metallic-roughness"
 cull = "none"
 texture_filter = "trilinear"
@@ -27,7 +27,7 @@ far = 100.0
 tone = "srgb"
 exposure = 0.1
 blur = 0.5
-lens = { aperture = 0.5, focus = 4.0, tolerance = 1e-3 }
+lens = { aperture = 4.0, focus = 4.0, surfaces = 2, largest_radius = 20 }
 [learn.vertices]
 rate = 0.01
 smoothing = 5.0
@@ -62,6 +62,7 @@ rate = 0.02
 rate = 0.03
 [learn.lens]
 rate = 0.02
+per_view = ["focus"]
 [loss]
 kind = "squared"
 silhouette = 0.5
@@ -134,6 +135,7 @@ fn a_fit_interrupted_at_any_step_ends_at_the_same_step_with_the_same_bits() {
         "[stop]\npatience = 1\n".to_owned(),
         "[stop]\npatience = 2\n".to_owned(),
         format!("[stop]\nloss_below = {}\n", losses[5] * (1.0 + 1e-6)),
+        format!("[stop]\nloss_below = {}\n", losses[8] * (1.0 + 1e-6)),
         "[stop]\nseconds = 1e6\n".to_owned(),
     ] {
         let load = || scene(directory.path(), &(text.clone() + &stop));
@@ -221,10 +223,10 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
     use Then::{Named, Refused, Takes};
     let start = "the start that it learnt from";
     vec![
-        ("pipeline.silhouettes", "\"antialias\"", "\"exact\"", Takes),
+        ("pipeline.silhouettes", "\"exact\"", "\"aliased\"", Takes),
         ("pipeline.surface", "surface = \"metallic-roughness\"", "surface = \"lambert\"", Takes),
-        // A closed mesh looks alike.
-        ("pipeline.cull", "cull = \"none\"", "cull = \"back\"", Named),
+        // The far side of a closed mesh is a hidden surface.
+        ("pipeline.cull", "cull = \"none\"", "cull = \"back\"", Takes),
         ("pipeline.texture_filter", "\"trilinear\"", "\"nearest\"", Named),
         ("pipeline.background", "background = [0, 0, 0]", "background = [0.2, 0, 0]", Takes),
         ("pipeline.near", "near = 0.01", "near = 4.2", Takes),
@@ -232,9 +234,16 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ("pipeline.tone", "tone = \"srgb\"", "tone = \"linear\"", Takes),
         ("pipeline.exposure", "exposure = 0.1", "exposure = 0.3", Refused(start)),
         ("pipeline.blur", "blur = 0.5", "blur = 0.7", Refused(start)),
-        ("pipeline.lens.aperture", "aperture = 0.5", "aperture = 0.6", Refused(start)),
+        ("pipeline.lens.aperture", "aperture = 4.0", "aperture = 4.5", Refused(start)),
         ("pipeline.lens.focus", "focus = 4.0", "focus = 4.5", Refused(start)),
-        ("pipeline.lens.tolerance", "tolerance = 1e-3", "tolerance = 1e-1", Takes),
+        (
+            "pipeline.lens.radius",
+            "aperture = 4.0",
+            "radius = 0.4",
+            Refused("the scene's parameters"),
+        ),
+        ("pipeline.lens.surfaces", "surfaces = 2", "surfaces = 0", Takes),
+        ("pipeline.lens.largest_radius", "largest_radius = 20", "largest_radius = 21", Named),
         ("learn.vertices.rate", "rate = 0.01\nsmoothing", "rate = 0.02\nsmoothing", Takes),
         ("learn.vertices.smoothing", "smoothing = 5.0", "smoothing = 9.0", Refused("lambda")),
         ("learn.vertices.rigid", "rigid = 0.1", "rigid = 0.2", Takes),
@@ -287,6 +296,7 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ),
         ("learn.blur.rate", "[learn.blur]\nrate = 0.03", "[learn.blur]\nrate = 0.04", Takes),
         ("learn.lens.rate", "[learn.lens]\nrate = 0.02", "[learn.lens]\nrate = 0.03", Takes),
+        ("learn.lens.per_view", "per_view = [\"focus\"]\n", "", Refused("the scene's parameters")),
         ("loss.kind", "\"squared\"", "\"huber\"", Takes),
         ("loss.silhouette", "silhouette = 0.5", "silhouette = 0.6", Takes),
         ("loss.ssim", "ssim = 0.1", "ssim = 0.2", Takes),

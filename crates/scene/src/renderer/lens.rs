@@ -1,0 +1,127 @@
+//! A view's lens: how far beside the image it sees, and what it makes of surfaces one behind another.
+
+use bokashi_core::{Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{
+    Background, Fragments, LensLayer, RenderError, Size, ThinLens, ThinLensOptions, eye_depth,
+    lens_picture,
+};
+
+use super::margin::{Surroundings, margin};
+use super::view_camera::ViewCamera;
+use crate::description::LensNumber;
+use crate::learnables::{Recorded, Values};
+use crate::scene::Scene;
+
+/// The hidden surfaces that are drawn where a scene does not say.
+const SURFACES: usize = 2;
+
+/// A lens in a step, at one size of its image.
+#[derive(Clone, Copy)]
+pub(super) struct StepLens<'t> {
+    lens: ThinLens<'t, f32>,
+    options: ThinLensOptions,
+    /// How many hidden surfaces are drawn.
+    pub(super) surfaces: usize,
+}
+
+/// Fragments, and their light.
+#[derive(Clone)]
+pub(super) struct Layer<'t> {
+    pub(super) fragments: Fragments<'t, f32>,
+    /// `[N, C]`.
+    pub(super) light: Var<'t, f32>,
+}
+
+impl<'t> StepLens<'t> {
+    /// The lens of a view whose image is made smaller `reduce` times; `None` where everything is in focus.
+    pub(super) fn new(
+        scene: &Scene,
+        values: &Values<'t, '_>,
+        camera: &ViewCamera<'_>,
+        reduce: usize,
+    ) -> Result<Option<Self>, FitError> {
+        let Some(entry) = scene.description.pipeline.lens else { return Ok(None) };
+        let number = |which| values.of_lens(scene, camera.view, which);
+        let Some(focus) = number(LensNumber::Focus) else { return Ok(None) };
+        // Lengths in pixels shrink with the image.
+        let share = 1.0 / reduce as f64;
+        let lens = match (number(LensNumber::Aperture), number(LensNumber::Radius)) {
+            (Some(aperture), _) => ThinLens { aperture: aperture * share as f32, focus },
+            (None, Some(radius)) => {
+                ThinLens::from_radius(radius, camera.focal_length(values)?, focus)?
+            }
+            (None, None) => return Ok(None),
+        };
+        if lens.aperture.item() == 0.0 {
+            return Ok(None);
+        }
+        let usual = ThinLensOptions::default();
+        let largest = entry.largest_radius.map_or(usual.largest_radius, |largest| largest.0);
+        let options = ThinLensOptions { largest_radius: largest * share, ..usual };
+        let surfaces = entry.surfaces.map_or(SURFACES, |count| count.0);
+        Ok(Some(Self { lens, options, surfaces }))
+    }
+
+    /// The lens with the margin that it needs around an image of `size`: what these faces in clip space have
+    /// beside it is blurred into it.
+    pub(super) fn with_margin(
+        mut self,
+        clip: &Tensor<f32>,
+        faces: &[[u32; 3]],
+        size: Size,
+        near: f64,
+    ) -> Self {
+        let ThinLens { aperture, focus } = self.lens;
+        let [aperture, focus] = [aperture, focus].map(|number| f64::from(number.item()));
+        let largest = self.options.largest_radius;
+        let distances = Surroundings::new(size, largest, near).distances(clip, faces);
+        // Circles grow from the focus towards both ends.
+        let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs().min(largest);
+        self.options.margin =
+            distances.map_or(0, |[least, most]| margin(radius(least).max(radius(most))));
+        self
+    }
+
+    /// The margin in pixels.
+    pub(super) fn margin(&self) -> usize {
+        self.options.margin
+    }
+
+    /// The size of an image with its margin.
+    pub(super) fn size(&self, size: Size) -> Size {
+        let [width, height] = [size.width, size.height].map(|extent| extent + 2 * self.margin());
+        Size { width, height }
+    }
+
+    /// Clip positions of an image of `size`, `[V, 4]`, in the image with its margin.
+    pub(super) fn clip(&self, clip: Var<'t, f32>, size: Size) -> Recorded<'t> {
+        let whole = self.size(size);
+        let share = |part: usize, whole: usize| (part as f64 / whole as f64) as f32;
+        let row = [share(size.width, whole.width), share(size.height, whole.height), 1.0, 1.0];
+        Ok(clip.try_mul(clip.tape().constant(&Tensor::from([row])))?)
+    }
+
+    /// The image, `[H, W, C]`, of what is visible and of the layers behind, before a background far away.
+    pub(super) fn image(
+        &self,
+        visible: &Layer<'t>,
+        behind: &[Layer<'t>],
+        background: Background<'t, f32>,
+    ) -> Result<Var<'t, f32>, RenderError> {
+        let behind = behind.iter().map(Layer::seen).collect::<Result<Vec<_>, _>>()?;
+        let far = f64::INFINITY;
+        let visible = visible.seen()?;
+        Ok(lens_picture(visible, &behind, background, far, self.lens, &self.options)?.image)
+    }
+}
+
+impl<'t> Layer<'t> {
+    /// What a lens sees of it.
+    fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
+        let Self { fragments, light } = self;
+        let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
+        let distance = eye_depth(fragments)?.values();
+        Ok(LensLayer { fragments, premultiplied: *light, alpha, distance })
+    }
+}
