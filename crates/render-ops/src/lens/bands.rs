@@ -172,7 +172,7 @@ fn add_to_rung<T: Scalar>(
     let [row, column] = [row >> halvings, column >> halvings];
     strip.hold(column);
     let (mut offset, plane) = (strip.offset(row, column), strip.plane());
-    for (&color, &reference) in color.iter().zip(view.reference()) {
+    for (&color, &reference) in color.iter().zip(view.reference) {
         strip.values[offset] += weight * (color - alpha * reference);
         offset += plane;
     }

@@ -236,13 +236,16 @@ impl Blur<'_> {
                 }
                 continue;
             }
+            let is_direct = self.weights.is_direct;
             look_ups.clear();
             look_ups.extend(self.weights.look_ups.iter().map(|look_up| {
-                let row = (look_up.row + reach as isize) as usize;
+                // The first row of sums stands before the first row of pixels.
+                let row = (look_up.row + reach as isize) as usize + usize::from(is_direct);
                 let column = (look_up.column + reach as isize) as usize;
                 (row * stride + column, T::from_f64(look_up.weight))
             }));
-            let work = Sums { sums, look_ups, stride, count: rows.len() + 2 * reach };
+            let added = if is_direct { 0 } else { rows.len() + 2 * reach };
+            let work = Sums { sums, look_ups, stride, added };
             let out = Target { values: out, width, first, length: strip.len() };
             crate::dispatch::dispatch_256::<T, _>(
                 #[inline(always)]
@@ -303,13 +306,13 @@ impl Blur<'_> {
     }
 }
 
-/// Rows of which each is to be added to those above.
+/// Rows, and look-ups of them.
 struct Sums<'a, T> {
     sums: &'a mut [T],
     look_ups: &'a [(usize, T)],
     stride: usize,
-    /// How many rows there are beside the first, which is 0.
-    count: usize,
+    /// To how many rows, from the second one on, those above are to be added.
+    added: usize,
 }
 
 /// Columns of an image.
@@ -323,8 +326,8 @@ struct Target<'a, T> {
 impl<T: Scalar> Sums<'_, T> {
     #[inline(always)]
     fn run(self, target: Target<'_, T>) {
-        let Self { sums, look_ups, stride, count } = self;
-        for row in 0..count {
+        let Self { sums, look_ups, stride, added } = self;
+        for row in 0..added {
             let (before, after) = sums.split_at_mut((row + 1) * stride);
             let (before, after) = (&before[row * stride..], &mut after[..stride]);
             for i in 0..stride {
@@ -473,7 +476,7 @@ mod tests {
             let source = Bands { bands: &source, first: 0 };
             blur.apply(source, 0, &part, &mut Memory::default(), &mut out);
             for (row, column) in [(3, 2), (33, 43), (17, 20), (5, 40)] {
-                // A column's running sums, one change of weight after another.
+                // A column's running sums, one change of weight after another; or its pixels.
                 let below = |row: isize, column: isize| -> f64 {
                     let is_inside = (0..SIZE.width as isize).contains(&column);
                     let rows = 0..row.clamp(0, SIZE.height as isize) as usize;
@@ -483,7 +486,11 @@ mod tests {
                 let terms = weights.look_ups.iter().map(|look_up| {
                     let (row, column) =
                         (row as isize + look_up.row, column as isize + look_up.column);
-                    look_up.weight * below(row, column)
+                    let sum = match weights.is_direct {
+                        true => below(row + 1, column) - below(row, column),
+                        false => below(row, column),
+                    };
+                    look_up.weight * sum
                 });
                 let expected = terms.sum::<f64>() / weights.sum_inside([row, column], SIZE);
                 let found = out[(row - 3) * 42 + column - 2];

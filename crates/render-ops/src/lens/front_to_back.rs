@@ -3,8 +3,9 @@
 //! # Forward
 //! Rung k, from the nearest on, has at a pixel the blurred colours `C_k` and the blurred alpha `A_k`. With g of
 //! `hiding`, `F_k = sum_(m < k - 1) g(rho_m, rho_k) v_m` is what hides it, and
-//! `v_k = max(0, min(A_k (1 - F_k), 1 - sum_(m < k) v_m))` what is seen of it. With `q_k = v_k / A_k` the
-//! picture is `o = sum_k q_k C_k / V`, `V = sum_k v_k`.
+//! `v_k = min(A_k (1 - F_k), 1 - sum_(m < k) v_m)` what is seen of it, as long as something is left of
+//! both. With `q_k = v_k / A_k`, which is `1 - F_k` where A is 0, the picture is `o = sum_k q_k C_k / V`,
+//! `V = sum_k v_k`.
 //!
 //! Rungs near each other add up: they are one surface, cut into rungs. Rungs apart lie over one another: what
 //! they cover of the lens is independent.
@@ -18,7 +19,7 @@
 //! `v_bar = V_bar` and what later rungs have added: `C_bar_k = q_k b`. Where the first argument of min was
 //! taken, q is `1 - F_k`: `A_bar_k = (1 - F_k) v_bar`, `F_bar = -q_bar - A_k v_bar`, and `v_bar_m += g F_bar`.
 //! Where the second was: `v_bar += q_bar / A_k`, `A_bar_k = -q_bar q_k / A_k`, and `v_bar_m -= v_bar` for all
-//! `m < k`. Where max took 0: nothing.
+//! `m < k`. Where nothing is seen: nothing.
 //!
 //! # Where it is not smooth
 //! Where min changes sides. Both sides are equal on whole surfaces, where alphas add up to 1, and so are their
@@ -63,9 +64,6 @@ impl Gaps {
 
 /// What is left of the lens is rounding, where it is less than so many units in the last place of 1.
 const ROUNDING: f64 = 64.0;
-
-/// How far both arguments of min lie apart where they differ by more than rounding.
-const KINK: f64 = 1e-6;
 
 fn rounding<T: Scalar>() -> T {
     // Half of a digit that single numbers lack, or double ones.
@@ -128,7 +126,8 @@ fn zeros<T: Scalar>(list: &mut Vec<T>, length: usize) {
 fn see<T: Scalar>(alpha: T, hidden: T, total: T, rounding: T) -> [T; 2] {
     let (through, left) = (T::ONE - hidden, T::ONE - total);
     let wanted = alpha * through;
-    let is_seen = alpha > T::ZERO && wanted > T::ZERO && left > rounding;
+    // What adds light and hides nothing has an alpha of 0.
+    let is_seen = through > T::ZERO && left > rounding;
     let is_hidden = wanted <= left;
     let seen = if is_hidden { wanted } else { left };
     let share = if is_hidden { through } else { -(left / alpha) };

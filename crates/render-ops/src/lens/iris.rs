@@ -11,7 +11,8 @@
 //!
 //! # Sums
 //! Down a column of pixels the weights are constant but at the rim. With running sums P of the column,
-//! `sum_y w_y c_y = sum_y (w_(y-1) - w_y) P_y`: one look-up for each change, two or more per column.
+//! `sum_y w_y c_y = sum_y (w_(y-1) - w_y) P_y`: one look-up for each change, two or more per column. A small iris
+//! has as many changes as pixels, and takes these themselves: sums would only be rounded.
 //!
 //! # Border
 //! What lies beyond the image is not known, so weights are taken of the rest, and made to sum to 1 again.
@@ -43,7 +44,7 @@ pub enum Iris {
 /// The sides that an iris may have.
 pub(super) const BLADES: [usize; 2] = [3, 16];
 
-/// A change of weight down a column of pixels, as a look-up of running sums.
+/// A change of weight down a column of pixels, as a look-up of running sums; or a weight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LookUp {
     /// Rows and columns from the pixel's own.
@@ -52,12 +53,17 @@ pub(super) struct LookUp {
     pub(super) weight: f64,
 }
 
+/// The reach up to which pixels are looked up.
+const DIRECT: usize = 2;
+
 /// The weights of a blur.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Weights {
     /// How many pixels it reaches beyond its own.
     pub(super) reach: usize,
     pub(super) look_ups: Vec<LookUp>,
+    /// Whether pixels are looked up, and not sums of those above.
+    pub(super) is_direct: bool,
     /// `[2 reach + 2, 2 reach + 2]`: the sum of all weights above and to the left.
     sums: Vec<f64>,
 }
@@ -77,14 +83,16 @@ impl Weights {
             values[if is_turned { last - pixel } else { pixel }]
         };
         let offset = |index: usize| index as isize - reach as isize;
+        let is_direct = reach <= DIRECT;
         let mut look_ups = Vec::new();
         for column in 0..side {
             let mut before = 0.0;
             for row in 0..=side {
                 let own = if row < side { weight(row, column) } else { 0.0 };
-                if own != before {
+                let weight = if is_direct { own } else { before - own };
+                if weight != 0.0 {
                     let (row, column) = (offset(row), offset(column));
-                    look_ups.push(LookUp { row, column, weight: before - own });
+                    look_ups.push(LookUp { row, column, weight });
                 }
                 before = own;
             }
@@ -98,7 +106,7 @@ impl Weights {
                     sums[row * (side + 1) + column + 1] + line;
             }
         }
-        Self { reach, look_ups, sums }
+        Self { reach, look_ups, is_direct, sums }
     }
 
     /// The sum of the weights of those pixels beside `[row, column]` that lie in an image of this size.
@@ -220,8 +228,13 @@ mod tests {
     fn values(weights: &Weights) -> Vec<Vec<f64>> {
         let reach = weights.reach as isize;
         let value = |row: isize, column: isize| -> f64 {
-            let above = |look_up: &&LookUp| look_up.column == column && look_up.row <= row;
-            -weights.look_ups.iter().filter(above).map(|look_up| look_up.weight).sum::<f64>()
+            let own = weights.look_ups.iter().filter(|look_up| look_up.column == column);
+            match weights.is_direct {
+                true => own.filter(|look_up| look_up.row == row).map(|own| own.weight).sum(),
+                false => {
+                    -own.filter(|above| above.row <= row).map(|above| above.weight).sum::<f64>()
+                }
+            }
         };
         (-reach..=reach).map(|row| (-reach..=reach).map(|x| value(row, x)).collect()).collect()
     }

@@ -403,8 +403,9 @@ impl DrawLens {
         let layers: Layers<'_, T> = self.layers().zip(radii).map(layer).collect();
         let behind: Behind<'_> = self.hidden.iter().map(|layer| &**layer).collect();
         let optics = self.optics([input(1), input(2)]);
+        let reference = self.reference(input(0));
         work(&View {
-            channels: self.channels(input(0).len()),
+            channels: reference.len(),
             layers: &layers,
             weights: if self.has_weights { input(6) } else { &[] },
             visible: &self.visible,
@@ -414,6 +415,7 @@ impl DrawLens {
             sky: optics.circle(T::Wide::from_f64(self.far)),
             background: input(0),
             kind: self.kind,
+            reference: &reference,
             keeps_hidden,
         });
     }
@@ -422,6 +424,14 @@ impl DrawLens {
         match self.kind {
             Kind::Color => background,
             Kind::Image => background / self.frame.size.pixels(),
+        }
+    }
+
+    /// The colour that rungs hold the difference to.
+    fn reference<T: Scalar>(&self, background: &[T]) -> SmallVec<[T; 4]> {
+        match self.kind {
+            Kind::Color => SmallVec::from_slice(background),
+            Kind::Image => SmallVec::from_elem(T::ZERO, self.channels(background.len())),
         }
     }
 
@@ -543,9 +553,9 @@ impl<T: Scalar> Op<T> for DrawLens {
         let channels = self.channels(inputs.data(0).len());
         let out = outputs.push([shown.height, shown.width, channels]);
         let source = Bands { bands: sources, first: 0 };
-        let reference = &inputs.data(0)[..channels];
+        let reference = self.reference(inputs.data(0));
         let tells_piece = self.options.tells_piece;
-        blurs.see(frame, source, reference, tells_piece, bands, benches, out);
+        blurs.see(frame, source, &reference, tells_piece, bands, benches, out);
         let pieces = told.iter().map(|told| told.piece);
         let pieces = pieces.chain(bands.iter().map(|band| band.piece));
         saved.piece =

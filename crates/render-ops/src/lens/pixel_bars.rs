@@ -180,7 +180,7 @@ impl<T: Scalar> BandBars<T> {
             // What rungs hold: the difference to the reference of the same alpha; and the alpha.
             let is_color = channel < color.len();
             let value = match is_color {
-                true => color[channel].widen() - alpha * view.reference()[channel].widen(),
+                true => color[channel].widen() - alpha * view.reference[channel].widen(),
                 false => alpha,
             };
             let step = next - *own;
@@ -188,7 +188,7 @@ impl<T: Scalar> BandBars<T> {
             share_bar += *own * value;
             next_bar += step * value;
             if is_color {
-                of_reference += *own * view.reference()[channel].widen();
+                of_reference += *own * view.reference[channel].widen();
             } else {
                 *own -= of_reference;
             }

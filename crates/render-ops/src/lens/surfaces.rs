@@ -113,6 +113,9 @@ pub(super) struct View<'a, T: Scalar> {
     pub(super) sky: Circle<T::Wide>,
     pub(super) background: &'a [T],
     pub(super) kind: Kind,
+    /// The colour that rungs hold the difference to, so that what looks like it adds no rounding: that of a
+    /// background of one colour. The picture is the same for any.
+    pub(super) reference: &'a [T],
     /// Whether a share of 0 has a gradient that someone could ask for.
     pub(super) keeps_hidden: bool,
 }
@@ -128,12 +131,6 @@ impl<'a, T: Scalar> View<'a, T> {
         }
         let (layer, row) = (&self.layers[surface.layer as usize], surface.fragment as usize);
         (&layer.colors[row * channels..][..channels], layer.alphas[row])
-    }
-
-    /// The colour that rungs hold the difference to, so that what looks like it adds no rounding: the
-    /// background's. The picture is the same for any.
-    pub(super) fn reference(&self) -> &'a [T] {
-        &self.background[..self.channels]
     }
 
     /// The radius of a surface's circle.
