@@ -9,7 +9,7 @@ use std::fmt::{Debug, Display};
 use std::fs;
 use std::path::Path;
 
-use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
+use bokashi_core::{ForwardDual, Scalar, Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
@@ -93,6 +93,11 @@ fn every_tensor_error_says_the_rule_and_the_value() {
         (
             pair.backward().unwrap_err(),
             "a backward pass without an upstream gradient needs a scalar, got shape [2]",
+        ),
+        (
+            Tape::new().leaf_scalar(ForwardDual::<f64>::ONE).backward().unwrap_err(),
+            "a backward pass needs numbers that are not forward-only, got \
+             bokashi_core::dual::Dual<f64, false>",
         ),
         (
             value_errors(&tape, &other).unwrap_err(),
