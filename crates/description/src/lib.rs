@@ -27,8 +27,8 @@ pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{Count, Finite, NotNegative, Positive, Share};
 pub use pipeline::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
-    SilhouettesName, SurfaceModel, Tone,
+    CullName, EnvironmentEntry, FilterName, KernelName, LensEntry, LightEntry, LightPlace,
+    PipelineEntry, SilhouettesName, SurfaceModel, Tone,
 };
 pub use views::{
     CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, Lens, LensOptions, Picture, Radius, RasterOptions,
+    Background, Blur, Cull, Fragments, Kernel, Lens, LensOptions, Picture, Radius, RasterOptions,
     RenderError, Silhouettes, Size, Surface, depth_of_field, exposure, eye_depth, gaussian_blur,
     interpolate, rasterize, srgb_encode,
 };
@@ -17,7 +17,7 @@ use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
 use super::normals::{MotionContext, Normals, VertexNormals};
 use super::parts::Parts;
 use super::view_camera::ViewCamera;
-use crate::description::{CullName, SilhouettesName, SurfaceModel, Tone};
+use crate::description::{CullName, KernelName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::learnables::{
     APERTURE, BLUR, EXPOSURE, FOCUS, Frame, Learnable, Moves, Recorded, TABLE, Values,
@@ -314,7 +314,12 @@ impl Renderer {
         }
         if let Some(blur) = pipeline.blur {
             let sigma = values.number(&BLUR, "", blur.0) * share;
-            image = gaussian_blur(image, sigma, &Blur::default())?;
+            let kernel = match pipeline.blur_kernel {
+                KernelName::Sampled => Kernel::Sampled,
+                KernelName::Discrete => Kernel::Discrete,
+                KernelName::Disc => Kernel::Disc,
+            };
+            image = gaussian_blur(image, sigma, &Blur { kernel, ..Blur::default() })?;
         }
         Ok(self.toned(image)?)
     }
