@@ -15,10 +15,10 @@ use bokashi_fit::{
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
 use bokashi_render_ops::{
-    Background, Blur, Detail, Fragments, Layer, Mesh, Prefilter, RasterOptions, RenderError,
-    Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias, composite,
-    composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate, rasterize,
-    rasterize_behind, sample_texture,
+    Background, Blur, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
+    RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
+    composite, composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate,
+    rasterize, rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
@@ -183,6 +183,10 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             "soft".parse::<Silhouettes>().unwrap_err(),
             "silhouettes need to be aliased, antialias or exact, got \"soft\"",
+        ),
+        (
+            "disk".parse::<Kernel>().unwrap_err(),
+            "a kernel needs to be unnormalized, sampled, discrete or disc, got \"disk\"",
         ),
         (
             looked_up(Sampler::new().filter(eight_probes)),
