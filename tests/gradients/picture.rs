@@ -1,6 +1,6 @@
 //! Derivatives of pictures of two orders, along silhouettes and backgrounds.
 
-use bokashi_core::{Scalar, Tape, Tensor, Var, hvp, jvp};
+use bokashi_core::{Dual, Scalar, Tape, Tensor, Var, hvp, jvp};
 use bokashi_render_ops::{
     Background, Mesh, Picture, PixelLoss, RasterOptions, RenderError, Sampling, Size, antialias,
     composite, rasterize,
@@ -53,7 +53,7 @@ fn derivatives_along_a_grey_background_are_told_apart_by_channel_and_never_lost(
         let [of_sum, of_error] = [slope(sums.sum()), slope(error)];
         let along = |k: usize| {
             let point = [(&grey, &red)];
-            let [_, slope] = jvp(&mut Tape::new(), &point, |x| {
+            let [_, slope] = jvp(&mut Tape::<Dual<f64>>::new(), &point, |x| {
                 Ok::<_, RenderError>(channels_before(x[0], sampling)[k])
             })
             .unwrap();

@@ -9,16 +9,16 @@ use std::fmt::{Debug, Display};
 use std::fs;
 use std::path::Path;
 
-use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
+use bokashi_core::{ForwardDual, Scalar, Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
 use bokashi_render_ops::{
-    Background, Blur, Detail, Fragments, Layer, Mesh, Prefilter, RasterOptions, RenderError,
-    Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias, composite,
-    composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate, rasterize,
-    rasterize_behind, sample_texture,
+    Background, Blur, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
+    RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
+    composite, composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate,
+    rasterize, rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
@@ -93,6 +93,11 @@ fn every_tensor_error_says_the_rule_and_the_value() {
         (
             pair.backward().unwrap_err(),
             "a backward pass without an upstream gradient needs a scalar, got shape [2]",
+        ),
+        (
+            Tape::new().leaf_scalar(ForwardDual::<f64>::ONE).backward().unwrap_err(),
+            "a backward pass needs numbers that are not forward-only, got \
+             bokashi_core::dual::Dual<f64, false>",
         ),
         (
             value_errors(&tape, &other).unwrap_err(),
@@ -178,6 +183,10 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             "soft".parse::<Silhouettes>().unwrap_err(),
             "silhouettes need to be aliased, antialias or exact, got \"soft\"",
+        ),
+        (
+            "disk".parse::<Kernel>().unwrap_err(),
+            "a kernel needs to be unnormalized, sampled, discrete or disc, got \"disk\"",
         ),
         (
             looked_up(Sampler::new().filter(eight_probes)),

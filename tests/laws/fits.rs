@@ -30,7 +30,7 @@ fn vertex_errors(settings: &CubeSettings, seeds: u64) -> Vec<f64> {
 
 #[test]
 fn sigma_is_found_under_every_kernel_and_border_from_either_side() {
-    for kernel in [Kernel::Unnormalized, Kernel::Sampled] {
+    for kernel in [Kernel::Unnormalized, Kernel::Sampled, Kernel::Disc] {
         for border in [Border::Zero, Border::Mirror, Border::Clamp] {
             for sigma_target in [1.0, 4.0] {
                 let fit = experiment(Experiment::Sigma, Preset::Paper);
@@ -79,13 +79,16 @@ fn tuned_rates_find_the_vertices_in_a_thousand_steps() {
 
 #[test]
 fn vertices_colors_and_sigma_are_found_together() {
-    for sigma_target in [1.0, 4.0] {
-        let fit = CubeSettings { sigma_target, ..experiment(Experiment::Joint, Preset::Tuned) };
+    for (kernel, sigma_target) in
+        [(Kernel::Sampled, 1.0), (Kernel::Sampled, 4.0), (Kernel::Disc, 4.0)]
+    {
+        let fit = experiment(Experiment::Joint, Preset::Tuned);
+        let fit = CubeSettings { kernel, sigma_target, ..fit };
         let outcome = run(&fit);
         let vertices = outcome.vertex_error_final.expect("vertices are learnt");
         let sigma = (outcome.sigma_final.expect("sigma is learnt") - sigma_target).abs();
-        assert!(vertices < 1e-8, "vertices {vertices:.1e} off at sigma {sigma_target}");
-        assert!(sigma < 1e-8, "sigma {sigma:.1e} off {sigma_target}");
+        assert!(vertices < 1e-8, "vertices {vertices:.1e} off at {kernel} {sigma_target}");
+        assert!(sigma < 1e-8, "sigma {sigma:.1e} off {kernel} {sigma_target}");
     }
 }
 

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use bokashi_examples::SAMPLES;
-use bokashi_paper::{Experiment, Precision, Preset, Saving, Silhouettes};
+use bokashi_paper::{Experiment, Kernel, Precision, Preset, Saving, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
@@ -86,6 +86,11 @@ pub(crate) struct Common {
     /// Numbers to compute with [default: f32]
     #[arg(long, value_name = "WORD", value_parser = words::<Precision>(&["f32", "f64"]))]
     pub(crate) precision: Option<Precision>,
+    /// Weights of the blur, in the learnt image and in the reference image: a Gaussian at pixel
+    /// centres, divided by its sum or not, a Gaussian of diffusion, or a disc of the radius 2 sigma
+    /// [default: sampled]; of no effect in experiment 5.1, which has no blur
+    #[arg(long, value_name = "WORD", value_parser = words::<Kernel>(&["sampled", "unnormalized", "discrete", "disc"]))]
+    pub(crate) kernel: Option<Kernel>,
     /// Threads [default: one per core]; results are the same bits for any number
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
@@ -106,6 +111,11 @@ impl Common {
     /// Numbers to compute with.
     pub(crate) fn precision(&self) -> Precision {
         self.precision.unwrap_or(Precision::F32)
+    }
+
+    /// Weights of the blur.
+    pub(crate) fn kernel(&self) -> Kernel {
+        self.kernel.unwrap_or_default()
     }
 }
 
@@ -397,9 +407,12 @@ pub fn parse(
     let matches = all.clone().try_get_matches_from(&words).map_err(stopped)?;
     let request = Request::from_arg_matches(&matches).map_err(stopped)?;
     let cube = request.cube().and_then(|cube| cube.fit);
-    if cube.is_some_and(|fit| fit.sigma.is_some() && fit.experiment == Some(Experiment::Vertices)) {
-        let rule = "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
-        return Err(Stopped::Wrong(Failure::Use(rule.to_owned())));
+    if let Some(fit) = cube.filter(|fit| fit.experiment == Some(Experiment::Vertices)) {
+        let of_blur = [("sigma", fit.sigma.is_some()), ("kernel", fit.common.kernel.is_some())];
+        if let Some((option, _)) = of_blur.into_iter().find(|(_, is_given)| *is_given) {
+            let rule = "needs --experiment sigma or joint: vertices are learnt without blur";
+            return Err(Stopped::Wrong(Failure::Use(format!("--{option} {rule}"))));
+        }
     }
     Ok(request)
 }
@@ -541,7 +554,7 @@ mod tests {
     fn every_option_of_a_fit_of_the_cube_is_read() {
         let line = "paper fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
              --seed 3 --silhouettes exact --precision f64 --threads 2 --out a --json - --quiet \
-             --save b --save-every 4 --resume c";
+             --save b --save-every 4 --resume c --kernel disc";
         let request = read(line).expect("all of them");
         let cube = request.cube().expect("a fit of the cube");
         let (common, fit) = (cube.common, cube.fit.expect("one"));
@@ -549,6 +562,7 @@ mod tests {
         assert_eq!((fit.resolution, fit.sigma, fit.seed), (Some(16), Some(2.8), Some(3)));
         assert_eq!((common.steps(), common.threads), (7, Some(2)));
         assert_eq!((common.precision(), common.quiet), (Precision::F64, true));
+        assert_eq!(common.kernel(), Kernel::Disc);
         assert_eq!(fit.silhouettes, Some(Silhouettes::Exact));
         assert_eq!((cube.out(), cube.json()), (Some(Path::new("a")), Some(Path::new("-"))));
         let saving = Saving { resume: Some("c".into()), save: Some("b".into()), every: Some(4) };
@@ -609,6 +623,8 @@ mod tests {
             ("paper fit --sigma NaN", "'NaN'", "needs a number of pixels above 0 and up to 1000"),
             ("paper fit --sigma inf", "'inf'", "needs a number of pixels above 0 and up to 1000"),
             ("paper fit --experiment vertices --sigma 1", "--sigma", "sigma or joint"),
+            ("paper fit --experiment vertices --kernel disc", "--kernel", "sigma or joint"),
+            ("paper fit --kernel disk", "'disk'", "sampled, unnormalized, discrete, disc]"),
             ("paper fit --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("paper fit --save-every 3", "--save <FILE>", "required"),
             ("paper fit --save a --save-every 0", "'0'", "a whole number from 1 to 10000000"),

@@ -1,7 +1,9 @@
 //! Which fits a command stands for.
 
 use bokashi_fit::FitError;
-use bokashi_paper::{Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives};
+use bokashi_paper::{
+    Alternative, CubeSettings, Experiment, Kernel, Preset, Silhouettes, alternatives,
+};
 
 use crate::arguments::{CubeArguments, CubeRequest};
 use crate::failure::Failure;
@@ -25,10 +27,13 @@ pub(crate) struct Planned {
 /// [`Failure::Use`] for a fit that cannot be saved, or cannot go on from where it should.
 pub(crate) fn plan(request: &CubeRequest<'_>) -> Result<Vec<Planned>, Failure> {
     let CubeRequest { common, fit, seeds } = *request;
-    let new = |experiment, preset| CubeSettings {
-        steps: common.steps(),
-        precision: common.precision(),
-        ..CubeSettings::new(experiment, preset)
+    let new = |experiment, preset| {
+        let settings = CubeSettings {
+            steps: common.steps(),
+            precision: common.precision(),
+            ..CubeSettings::new(experiment, preset)
+        };
+        with_kernel(settings, common.kernel())
     };
     let planned = |settings| Planned { settings, alternative: None };
     if let Some(fit) = fit {
@@ -45,16 +50,22 @@ pub(crate) fn plan(request: &CubeRequest<'_>) -> Result<Vec<Planned>, Failure> {
         let both = [Preset::Paper, Preset::Tuned].into_iter().flat_map(settings_of_preset);
         return Ok(both.map(planned).collect());
     };
-    let others = alternatives(common.steps()).into_iter();
+    let others = alternatives(common.steps(), common.kernel()).into_iter();
     let others =
         others.map(|(alternative, settings)| Planned { settings, alternative: Some(alternative) });
     Ok(of_paper(seeds, new).into_iter().map(planned).chain(others).collect())
+}
+
+/// `settings` with the blur's `kernel`, where there is a blur.
+fn with_kernel(settings: CubeSettings, kernel: Kernel) -> CubeSettings {
+    if settings.blurs() { CubeSettings { kernel, ..settings } } else { settings }
 }
 
 /// The settings of a new fit.
 fn settings_of(fit: &CubeArguments) -> CubeSettings {
     let experiment = fit.experiment.unwrap_or(Experiment::Joint);
     let settings = CubeSettings::new(experiment, fit.preset.unwrap_or(Preset::Paper));
+    let settings = with_kernel(settings, fit.common.kernel());
     CubeSettings {
         steps: fit.common.steps(),
         precision: fit.common.precision(),
@@ -77,6 +88,7 @@ fn resumed(fit: &CubeArguments) -> Result<Option<CubeSettings>, Failure> {
         ("preset", saved.preset.to_string(), words(&fit.preset)),
         ("resolution", saved.resolution.to_string(), words(&fit.resolution)),
         ("sigma", saved.sigma_target.to_string(), words(&fit.sigma)),
+        ("kernel", saved.kernel.to_string(), words(&fit.common.kernel)),
         ("seed", saved.seed.to_string(), words(&fit.seed)),
         ("silhouettes", saved.silhouettes.to_string(), words(&fit.silhouettes)),
         ("precision", saved.precision.to_string(), words(&fit.common.precision)),
@@ -203,6 +215,16 @@ mod tests {
     }
 
     #[test]
+    fn a_kernel_is_that_of_every_fit_with_a_blur() {
+        for line in ["--kernel disc", "paper fit --kernel disc", "paper reproduce --kernel disc"] {
+            let (blurred, sharp): (Vec<_>, Vec<_>) =
+                planned(line).into_iter().partition(CubeSettings::blurs);
+            assert!(!blurred.is_empty() && blurred.iter().all(|fit| fit.kernel == Kernel::Disc));
+            assert!(sharp.iter().all(|fit| fit.kernel == Kernel::default()), "{line}");
+        }
+    }
+
+    #[test]
     fn fits_as_arguments_are_those_of_reproducing() {
         let fits = fits_of_paper(2, 7);
         let names: HashSet<_> = fits.iter().map(|(name, _)| name).collect();
@@ -223,7 +245,7 @@ mod tests {
         };
         for line in ["paper reproduce --seeds 1 --steps 3", "paper reproduce --seeds 5 --steps 3"] {
             let others = others(line);
-            assert_eq!(others.len(), alternatives(3).len());
+            assert_eq!(others.len(), alternatives(3, Kernel::Sampled).len());
             assert!(others.iter().all(|fit| fit.settings.steps == 3 && fit.settings.seed == 0));
         }
         assert!(others("").is_empty() && others("paper fit").is_empty());

@@ -5,6 +5,7 @@
 //! to a requested variable; all others are skipped. The gradient of an inner value lives until the
 //! operation that made the value has used it; then its buffer serves the operations further down.
 
+use std::any::type_name;
 use std::fmt;
 use std::ops::Range;
 use std::time::Instant;
@@ -81,7 +82,8 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// The gradients of this scalar with respect to every leaf.
     ///
     /// # Errors
-    /// [`TensorError::NotScalar`] unless the variable has exactly one entry.
+    /// [`TensorError::NotScalar`] unless the variable has exactly one entry;
+    /// [`TensorError::ForwardOnly`] for numbers without backward passes.
     pub fn backward(self) -> Result<Gradients<'t, T>, TensorError> {
         self.tape.run_backward(&[(self, None)], None)
     }
@@ -90,8 +92,7 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// none of them is not computed.
     ///
     /// # Errors
-    /// [`TensorError::NotScalar`] unless the variable has exactly one entry;
-    /// [`TensorError::ForeignVariable`] where one of `wrt` belongs to another tape.
+    /// As [`Var::backward`]; [`TensorError::ForeignVariable`] where one of `wrt` belongs to another tape.
     pub fn backward_to(self, wrt: &[Var<'t, T>]) -> Result<Gradients<'t, T>, TensorError> {
         self.tape.run_backward(&[(self, None)], Some(wrt))
     }
@@ -103,7 +104,8 @@ impl<T: Scalar> Tape<T> {
     ///
     /// # Errors
     /// [`TensorError::Mismatch`] unless each upstream gradient has the shape of its variable;
-    /// [`TensorError::ForeignVariable`] where a variable belongs to another tape.
+    /// [`TensorError::ForeignVariable`] where a variable belongs to another tape;
+    /// [`TensorError::ForwardOnly`] for numbers without backward passes.
     pub fn vjp<'t>(
         &'t self,
         seeds: &[(Var<'t, T>, &Tensor<T>)],
@@ -135,6 +137,9 @@ impl<T: Scalar> Tape<T> {
         seeds: &[(Var<'t, T>, Option<&Tensor<T>>)],
         wrt: Option<&[Var<'t, T>]>,
     ) -> Result<Gradients<'t, T>, TensorError> {
+        if !T::HAS_BACKWARD {
+            return Err(TensorError::ForwardOnly { numbers: type_name::<T>() });
+        }
         let all = seeds.iter().map(|&(var, _)| var).chain(wrt.unwrap_or_default().iter().copied());
         if all.into_iter().any(|var| !std::ptr::eq(var.tape, self)) {
             return Err(TensorError::ForeignVariable { operation: "backward" });

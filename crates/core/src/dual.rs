@@ -24,59 +24,69 @@ use crate::power::{slope_to_base, slope_to_exponent};
 use crate::scalar::Scalar;
 
 /// A number and its derivative along one direction.
+///
+/// With it backward passes run, too, as [`hvp`](crate::hvp) needs them. Where only tangents are asked for,
+/// [`ForwardDual`] has the same bits and less to compile.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Dual<T> {
+pub struct Dual<T, const HAS_BACKWARD: bool = true> {
     /// The number.
     pub value: T,
     /// Its derivative.
     pub tangent: T,
 }
 
+/// A dual number for tangents alone, as of [`jvp`](crate::jvp). On its tape a leaf is a constant and a
+/// backward pass is refused, so those of the operations are not compiled.
+pub type ForwardDual<T> = Dual<T, false>;
+
+// For one kind alone, so that `Dual::new` says which.
 impl<T: Scalar> Dual<T> {
     /// `value + tangent e`.
     pub fn new(value: T, tangent: T) -> Self {
         Self { value, tangent }
     }
+}
 
+impl<T: Scalar, const HAS_BACKWARD: bool> Dual<T, HAS_BACKWARD> {
     /// `f(x)` of this `x`, from the value `f(x)` and the slope `f'(x)`.
     fn chain(self, value: T, slope: T) -> Self {
         Self { value, tangent: slope * self.tangent }
     }
 }
 
-impl<T: PartialEq> PartialEq for Dual<T> {
+impl<T: PartialEq, const HAS_BACKWARD: bool> PartialEq for Dual<T, HAS_BACKWARD> {
     fn eq(&self, other: &Self) -> bool {
         self.value == other.value
     }
 }
 
-impl<T: PartialOrd> PartialOrd for Dual<T> {
+impl<T: PartialOrd, const HAS_BACKWARD: bool> PartialOrd for Dual<T, HAS_BACKWARD> {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         self.value.partial_cmp(&other.value)
     }
 }
 
-impl<T: fmt::Display> fmt::Display for Dual<T> {
+impl<T: fmt::Display, const HAS_BACKWARD: bool> fmt::Display for Dual<T, HAS_BACKWARD> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} + {} e", self.value, self.tangent)
     }
 }
 
-impl<T: Scalar> Add for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Add for Dual<T, HAS_BACKWARD> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         Self { value: self.value + other.value, tangent: self.tangent + other.tangent }
     }
 }
 
-impl<T: Scalar> Sub for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Sub for Dual<T, HAS_BACKWARD> {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         Self { value: self.value - other.value, tangent: self.tangent - other.tangent }
     }
 }
 
-impl<T: Scalar> Mul for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Mul for Dual<T, HAS_BACKWARD> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         let tangent = self.tangent * other.value + self.value * other.tangent;
@@ -84,7 +94,7 @@ impl<T: Scalar> Mul for Dual<T> {
     }
 }
 
-impl<T: Scalar> Div for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Div for Dual<T, HAS_BACKWARD> {
     type Output = Self;
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
@@ -92,42 +102,43 @@ impl<T: Scalar> Div for Dual<T> {
     }
 }
 
-impl<T: Scalar> Neg for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Neg for Dual<T, HAS_BACKWARD> {
     type Output = Self;
     fn neg(self) -> Self {
         Self { value: -self.value, tangent: -self.tangent }
     }
 }
 
-impl<T: Scalar> AddAssign for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> AddAssign for Dual<T, HAS_BACKWARD> {
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
 
-impl<T: Scalar> SubAssign for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> SubAssign for Dual<T, HAS_BACKWARD> {
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
     }
 }
 
-impl<T: Scalar> MulAssign for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> MulAssign for Dual<T, HAS_BACKWARD> {
     fn mul_assign(&mut self, other: Self) {
         *self = *self * other;
     }
 }
 
-impl<T: Scalar> Sum for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Sum for Dual<T, HAS_BACKWARD> {
     fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
         // As the sums of f32 and f64 do, and for a sum of no terms: from -0.
         terms.fold(-Self::ZERO, Add::add)
     }
 }
 
-impl<T: Scalar> Scalar for Dual<T> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Scalar for Dual<T, HAS_BACKWARD> {
     const ZERO: Self = Self { value: T::ZERO, tangent: T::ZERO };
     const ONE: Self = Self { value: T::ONE, tangent: T::ZERO };
-    type Wide = Dual<T::Wide>;
+    const HAS_BACKWARD: bool = HAS_BACKWARD;
+    type Wide = Dual<T::Wide, HAS_BACKWARD>;
 
     fn from_f64(value: f64) -> Self {
         Self { value: T::from_f64(value), tangent: T::ZERO }

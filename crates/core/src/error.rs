@@ -122,6 +122,11 @@ pub enum TensorError {
         /// The shape of the variable.
         shape: Shape,
     },
+    /// A backward pass is asked for over numbers that have none.
+    ForwardOnly {
+        /// Their type.
+        numbers: &'static str,
+    },
     /// Two recordings are not of one pipeline.
     Recordings {
         /// The first value that differs, in the order of recording.
@@ -189,6 +194,9 @@ impl fmt::Display for TensorError {
                 f,
                 "a backward pass without an upstream gradient needs a scalar, got shape {shape}"
             ),
+            Self::ForwardOnly { numbers } => {
+                write!(f, "a backward pass needs numbers that are not forward-only, got {numbers}")
+            }
             Self::Recordings { value, operations: [rough, exact] } => write!(
                 f,
                 "a comparison needs two recordings of one pipeline, \

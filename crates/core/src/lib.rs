@@ -20,7 +20,7 @@
 //! | topic | what |
 //! |---|---|
 //! | a step | [`Tape`], [`Var`], [`Tensor`], [`Shape`]; [`leaf`](Tape::leaf), [`constant`](Tape::constant), [`leaf_scalar`](Tape::leaf_scalar), [`constant_scalar`](Tape::constant_scalar), [`reset`](Tape::reset) |
-//! | gradients | [`backward`](Var::backward), [`backward_to`](Var::backward_to), [`Tape::vjp`], [`detach`](Var::detach), [`Gradients`]; [`jvp`] and [`hvp`], products with a Jacobian and a Hessian, over [`Dual`] numbers |
+//! | gradients | [`backward`](Var::backward), [`backward_to`](Var::backward_to), [`Tape::vjp`], [`detach`](Var::detach), [`Gradients`]; [`jvp`] and [`hvp`], products with a Jacobian and a Hessian, over [`Dual`] numbers, or [`ForwardDual`] ones where no backward pass runs |
 //! | pairs of entries, with broadcasting | `+`, `-`, `*`, `/`; [`try_add`](Var::try_add), [`try_sub`](Var::try_sub), [`try_mul`](Var::try_mul), [`try_div`](Var::try_div), [`pow`](Var::pow), [`minimum`](Var::minimum), [`maximum`](Var::maximum) |
 //! | each entry | [`exp`](Var::exp), [`ln`](Var::ln), [`sqrt`](Var::sqrt), [`square`](Var::square), [`powi`](Var::powi), [`powf`](Var::powf), [`sin`](Var::sin), [`cos`](Var::cos), [`tanh`](Var::tanh), [`sigmoid`](Var::sigmoid), [`softplus`](Var::softplus), [`relu`](Var::relu), [`abs`](Var::abs), [`clamp`](Var::clamp), [`affine`](Var::affine) |
 //! | truth values | [`is_less`](Var::is_less), [`is_at_most`](Var::is_at_most), [`is_greater`](Var::is_greater), [`is_at_least`](Var::is_at_least), [`is_finite`](Var::is_finite); [`Mask`], [`Mask::select`] |
@@ -105,7 +105,7 @@ pub mod parallel;
 pub use backward::Gradients;
 pub use comparison::{gradient_errors, value_errors};
 pub use dependence::Dependence;
-pub use dual::Dual;
+pub use dual::{Dual, ForwardDual};
 pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use mask::Mask;

@@ -59,8 +59,11 @@ pub(crate) struct Slot<O, S> {
 
 impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
     fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
-        let op = self.op.as_ref().expect("a node's place holds its operation");
-        op.backward(kept, &mut self.saved, gradients);
+        // Where the constant is false the compiler does not even generate `O::backward`.
+        if T::HAS_BACKWARD {
+            let op = self.op.as_ref().expect("a node's place holds its operation");
+            op.backward(kept, &mut self.saved, gradients);
+        }
     }
 
     fn retire(&mut self) {

@@ -18,7 +18,7 @@ use crate::tensor::Tensor;
 use crate::var::Var;
 
 /// Tensors of dual numbers.
-impl<T: Scalar> Tensor<Dual<T>> {
+impl<T: Scalar, const HAS_BACKWARD: bool> Tensor<Dual<T, HAS_BACKWARD>> {
     /// `values + tangents e`, entry by entry.
     ///
     /// # Errors
@@ -32,7 +32,10 @@ impl<T: Scalar> Tensor<Dual<T>> {
             });
         }
         let entries = values.data().iter().zip(tangents.data());
-        Self::new(values.shape(), entries.map(|(&value, &v)| Dual::new(value, v)).collect())
+        Self::new(
+            values.shape(),
+            entries.map(|(&value, &tangent)| Dual { value, tangent }).collect(),
+        )
     }
 
     /// The values of the entries.
@@ -50,13 +53,15 @@ impl<T: Scalar> Tensor<Dual<T>> {
 /// inputs.
 ///
 /// `f` is run once over dual numbers on `tape`, which starts a new step: the same tape again
-/// recycles its memory.
+/// recycles its memory. It is a tape of [`ForwardDual`](crate::ForwardDual) numbers, or, where
+/// [`hvp`] compiles `f` over [`Dual`] anyway, of these.
 ///
 /// ```
-/// use bokashi_core::{Tape, Tensor, TensorError, jvp};
+/// use bokashi_core::{ForwardDual, Tape, Tensor, TensorError, jvp};
 ///
 /// let (x, v) = (Tensor::new([2], vec![3.0, 5.0])?, Tensor::new([2], vec![1.0, 0.0])?);
-/// let [y, slope] = jvp(&mut Tape::new(), &[(&x, &v)], |x| {
+/// let mut tape = Tape::<ForwardDual<f64>>::new();
+/// let [y, slope] = jvp(&mut tape, &[(&x, &v)], |x| {
 ///     Ok::<_, TensorError>(x[0].slice(0, 0..1)? * x[0].slice(0, 1..2)?)
 /// })?;
 /// assert_eq!((y.data(), slope.data()), (&[15.0][..], &[5.0][..]));
@@ -66,10 +71,12 @@ impl<T: Scalar> Tensor<Dual<T>> {
 /// # Errors
 /// [`TensorError::Mismatch`] unless each tangent has the shape of its value, and whatever `f`
 /// refuses.
-pub fn jvp<T: Scalar, E: From<TensorError>>(
-    tape: &mut Tape<Dual<T>>,
+pub fn jvp<T: Scalar, E: From<TensorError>, const HAS_BACKWARD: bool>(
+    tape: &mut Tape<Dual<T, HAS_BACKWARD>>,
     point: &[(&Tensor<T>, &Tensor<T>)],
-    f: impl for<'t> FnOnce(&[Var<'t, Dual<T>>]) -> Result<Var<'t, Dual<T>>, E>,
+    f: impl for<'t> FnOnce(
+        &[Var<'t, Dual<T, HAS_BACKWARD>>],
+    ) -> Result<Var<'t, Dual<T, HAS_BACKWARD>>, E>,
 ) -> Result<[Tensor<T>; 2], E> {
     tape.reset();
     let tape = &*tape;

@@ -34,6 +34,9 @@ pub trait Scalar:
     const ONE: Self;
     /// Whether the processor has vectors of these numbers: kernels are then compiled for them, too.
     const HAS_VECTORS: bool = false;
+    /// Whether there are backward passes over these numbers. Where there are none, a leaf is a constant,
+    /// and operations are compiled for their forward pass alone.
+    const HAS_BACKWARD: bool = true;
     /// The type for long sums and for geometry that decides coverage: twice the digits for
     /// `f32`, the type itself otherwise.
     type Wide: Scalar<Wide = Self::Wide>;

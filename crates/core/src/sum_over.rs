@@ -157,8 +157,9 @@ impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
         }
         let wanted: Vec<_> = inputs.iter().copied().filter(|x| x.needs_gradient()).collect();
         // At once, while its values are there: then the tape is free for another part.
-        let results = out.backward_to(&wanted)?;
-        let gradients = inputs.iter().map(|&input| results.get(input).cloned()).collect();
+        let results = (!wanted.is_empty()).then(|| out.backward_to(&wanted)).transpose()?;
+        let gradient = |&input: &Var<'_, T>| results.as_ref()?.get(input).cloned();
+        let gradients = inputs.iter().map(gradient).collect();
         Ok(PartialSum::new(out.item().widen(), gradients))
     }
 }

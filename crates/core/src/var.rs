@@ -129,6 +129,7 @@ impl<T: Scalar> Tape<T> {
         }
         let value = &mut values[*live];
         fill(value, pool);
+        let needs = T::HAS_BACKWARD && needs;
         (value.needs, value.entry, value.parting) = (needs, None, Parting::None);
         *live += 1;
         Var { tape: self, index: *live as u32 - 1 }

@@ -38,6 +38,9 @@ pub struct PipelineEntry {
     pub exposure: Option<Finite>,
     /// The standard deviation of a blur of the whole picture, in pixels.
     pub blur: Option<Positive>,
+    /// The weights of that blur.
+    #[serde(default)]
+    pub blur_kernel: KernelName,
     /// A lens that blurs what is out of focus.
     pub lens: Option<LensEntry>,
 }
@@ -92,6 +95,19 @@ pub enum FilterName {
     Trilinear,
     /// Trilinear, up to eight times along the longer side of what the pixel sees.
     Anisotropic,
+}
+
+/// The weights of a blur.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum KernelName {
+    /// A Gaussian at pixel centres.
+    #[default]
+    Sampled,
+    /// A Gaussian of diffusion from pixel to pixel: a wide one takes no longer than a narrow one.
+    Discrete,
+    /// A disc whose radius is two standard deviations, up to 2048 pixels, as a lens out of focus has it.
+    Disc,
 }
 
 /// What pixels stand for.

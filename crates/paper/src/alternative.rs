@@ -18,7 +18,7 @@ pub enum Choice {
     Radius,
     /// What the blur sees outside the image.
     Border,
-    /// The taps of the blur.
+    /// The weights of the blur.
     Kernel,
     /// How sigma stays positive.
     Mapping,
@@ -49,9 +49,10 @@ pub struct Alternative {
     pub name: &'static str,
 }
 
-/// Every alternative and ours, with the fits that show what it does, of `steps` updates each; fits
-/// of one experiment and target follow each other, ours first.
-pub fn alternatives(steps: u64) -> Vec<(Alternative, CubeSettings)> {
+/// Every alternative and ours, which have `kernel`, with the fits that show what it does, of `steps`
+/// updates each; fits of one experiment and target follow each other, ours first. A disc has an end:
+/// there is no choice of its radius.
+pub fn alternatives(steps: u64, kernel: Kernel) -> Vec<(Alternative, CubeSettings)> {
     let shown = [
         (Experiment::Sigma, Preset::Paper, 1.0),
         (Experiment::Sigma, Preset::Paper, 4.0),
@@ -60,6 +61,7 @@ pub fn alternatives(steps: u64) -> Vec<(Alternative, CubeSettings)> {
     let shown = shown.map(|(experiment, preset, sigma_target)| CubeSettings {
         sigma_target,
         steps,
+        kernel,
         precision: Precision::F64,
         ..CubeSettings::new(experiment, preset)
     });
@@ -71,6 +73,7 @@ fn around(ours: &CubeSettings) -> Vec<(Alternative, CubeSettings)> {
     let sigma = ours.sigma_target;
     let radius = |radius| CubeSettings { radius: Some(radius), ..ours.clone() };
     let border = |border| CubeSettings { border, ..ours.clone() };
+    let kernel = |kernel| CubeSettings { kernel, ..ours.clone() };
     let mapping = |sigma_mapping| CubeSettings { sigma_mapping, ..ours.clone() };
     let stepping_at =
         |reach: f64| radius(Radius::Tolerance(missed(sigma, (reach * sigma) as usize)));
@@ -82,19 +85,20 @@ fn around(ours: &CubeSettings) -> Vec<(Alternative, CubeSettings)> {
         (Choice::Radius, "follows sigma, steps beside σ*", radius(Radius::Tolerance(THREE_SIGMA))),
         (Choice::Border, "mirror", border(Border::Mirror)),
         (Choice::Border, "clamp", border(Border::Clamp)),
-        (
-            Choice::Kernel,
-            "unnormalized",
-            CubeSettings { kernel: Kernel::Unnormalized, ..ours.clone() },
-        ),
+        (Choice::Kernel, "sampled", kernel(Kernel::Sampled)),
+        (Choice::Kernel, "unnormalized", kernel(Kernel::Unnormalized)),
+        (Choice::Kernel, "disc", kernel(Kernel::Disc)),
         (Choice::Mapping, "exponential", mapping(Mapping::Exp)),
         (Choice::Mapping, "nothing", mapping(Mapping::Identity)),
     ];
-    let others =
-        others.map(|(choice, name, fit)| (Alternative { choice: Some(choice), name }, fit));
-    let ours =
-        (Alternative { choice: None, name: "fixed, 4 times the larger sigma" }, ours.clone());
-    [ours].into_iter().chain(others).collect()
+    let has_end = ours.kernel == Kernel::Disc;
+    let others = others
+        .into_iter()
+        .filter(|(choice, _, fit)| fit != ours && !(has_end && *choice == Choice::Radius))
+        .map(|(choice, name, fit)| (Alternative { choice: Some(choice), name }, fit));
+    let name = if has_end { "the whole disc" } else { "fixed, 4 times the larger sigma" };
+    let ours = (Alternative { choice: None, name }, ours.clone());
+    std::iter::once(ours).chain(others).collect()
 }
 
 /// The share of a normal distribution beyond 3 sigma. No target of the paper sits on a step of the
@@ -118,27 +122,31 @@ mod tests {
 
     #[test]
     fn an_alternative_differs_from_ours_in_its_choice_alone() {
-        let all = alternatives(7);
-        let mut ours = &all[0].1;
-        for (alternative, fit) in &all {
-            let undone = match alternative.choice {
-                None => {
-                    ours = fit;
-                    assert_eq!((fit.steps, fit.precision), (7, Precision::F64));
-                    continue;
-                }
-                Some(Choice::Radius) => CubeSettings { radius: ours.radius, ..fit.clone() },
-                Some(Choice::Border) => CubeSettings { border: ours.border, ..fit.clone() },
-                Some(Choice::Kernel) => CubeSettings { kernel: ours.kernel, ..fit.clone() },
-                Some(Choice::Mapping) => {
-                    CubeSettings { sigma_mapping: ours.sigma_mapping, ..fit.clone() }
-                }
-            };
-            assert_eq!(&undone, ours, "{}", alternative.name);
-            assert_ne!(fit, ours, "{}", alternative.name);
-        }
-        for choice in Choice::ALL {
-            assert!(all.iter().any(|(alternative, _)| alternative.choice == Some(choice)));
+        for kernel in [Kernel::Sampled, Kernel::Unnormalized, Kernel::Discrete, Kernel::Disc] {
+            let all = alternatives(7, kernel);
+            let mut ours = &all[0].1;
+            for (alternative, fit) in &all {
+                let undone = match alternative.choice {
+                    None => {
+                        ours = fit;
+                        let found = (fit.steps, fit.kernel, fit.precision);
+                        assert_eq!(found, (7, kernel, Precision::F64));
+                        continue;
+                    }
+                    Some(Choice::Radius) => CubeSettings { radius: ours.radius, ..fit.clone() },
+                    Some(Choice::Border) => CubeSettings { border: ours.border, ..fit.clone() },
+                    Some(Choice::Kernel) => CubeSettings { kernel, ..fit.clone() },
+                    Some(Choice::Mapping) => {
+                        CubeSettings { sigma_mapping: ours.sigma_mapping, ..fit.clone() }
+                    }
+                };
+                assert_eq!(&undone, ours, "{}", alternative.name);
+                assert_ne!(fit, ours, "{}", alternative.name);
+            }
+            for choice in Choice::ALL {
+                let shown = all.iter().any(|(alternative, _)| alternative.choice == Some(choice));
+                assert_eq!(shown, (choice, kernel) != (Choice::Radius, Kernel::Disc));
+            }
         }
     }
 

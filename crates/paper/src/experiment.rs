@@ -42,7 +42,7 @@ fn run<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Experiment, Silhouettes};
+    use crate::{Experiment, Kernel, Silhouettes};
 
     fn settings(experiment: Experiment) -> CubeSettings {
         CubeSettings { resolution: 16, ..CubeSettings::new(experiment, Preset::Paper) }
@@ -95,6 +95,15 @@ mod tests {
             let outcome = run_quietly(&settings);
             let error = (outcome.sigma_final.unwrap() - target).abs();
             assert!(error < 1e-4, "from {start} to {target}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_disc_may_have_any_radius_on_its_way() {
+        for (sigma_start, sigma_target) in [(300.0, 0.5), (0.5, 300.0)] {
+            let blur = CubeSettings { sigma_start, sigma_target, ..settings(Experiment::Sigma) };
+            let outcome = run_quietly(&CubeSettings { kernel: Kernel::Disc, steps: 3, ..blur });
+            assert_eq!(outcome.steps, 3, "from {sigma_start} to {sigma_target}");
         }
     }
 

@@ -133,6 +133,7 @@ pub(super) fn outcome(
         steps: last.step,
         silhouettes: settings.silhouettes,
         precision: settings.precision,
+        kernel: settings.blurs().then_some(settings.kernel),
         sigma_target: settings.blurs().then_some(settings.sigma_target),
         sigma_final: last.sigma,
         vertex_error_initial: first.vertex_error,

@@ -21,7 +21,7 @@ mod views;
 
 pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
-pub use bokashi_render_ops::Silhouettes;
+pub use bokashi_render_ops::{Kernel, Silhouettes};
 pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 pub use experiment::run_cube;
 pub use outcome::{Outcome, Progress, Record, STUCK, Snapshot};

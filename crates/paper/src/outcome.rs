@@ -2,7 +2,7 @@
 
 use bokashi_core::Tensor;
 
-use bokashi_render_ops::Silhouettes;
+use bokashi_render_ops::{Kernel, Silhouettes};
 
 use super::settings::{Experiment, Precision, Preset};
 
@@ -28,6 +28,8 @@ pub struct Outcome {
     pub silhouettes: Silhouettes,
     /// The numbers computed with.
     pub precision: Precision,
+    /// The weights of the blur.
+    pub kernel: Option<Kernel>,
     /// Blur of the target, in pixels.
     pub sigma_target: Option<f64>,
     /// Blur that was learnt, in pixels.

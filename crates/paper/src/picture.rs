@@ -9,9 +9,9 @@ use super::cube::{FACES, VERTEX_COUNT, View};
 use super::outcome::Snapshot;
 use super::scene::Scene;
 
-/// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top. Where there is a `sigma`,
-/// in pixels of this picture, it is blurred. The snapshot's own sigma, which is in pixels of the fit,
-/// plays no part.
+/// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top. It may have a blur: weights,
+/// and a sigma in pixels of this picture. The snapshot's own sigma, which is in pixels of the fit, plays
+/// no part.
 ///
 /// # Errors
 /// [`FitError::Render`] for a size or a sigma that the operations refuse.
@@ -19,17 +19,17 @@ pub fn picture(
     snapshot: &Snapshot,
     size: usize,
     silhouettes: Silhouettes,
-    sigma: Option<f64>,
+    blur: Option<(Kernel, f64)>,
     view: &View,
 ) -> Result<Tensor<f64>, FitError> {
     // The tails beyond are lost in 8 bits per channel.
     let radius = Radius::Tolerance(1e-4);
-    let blur = sigma.map(|_| Blur { kernel: Kernel::Sampled, border: Border::Zero, radius });
-    let scene = Scene::new(size, silhouettes, blur)?;
+    let of_kernel = |(kernel, _)| Blur { kernel, border: Border::Zero, radius };
+    let scene = Scene::new(size, silhouettes, blur.map(of_kernel))?;
     let tape = Tape::new();
     let vertices = tape.constant(&snapshot.vertices);
     let colors = tape.constant(&snapshot.colors);
-    let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
+    let sigma = blur.map(|(_, sigma)| tape.constant_scalar(sigma));
     Ok(scene.image(&view.camera(), vertices, colors, sigma)?.value())
 }
 
@@ -98,13 +98,16 @@ mod tests {
     fn no_blur_and_no_silhouette_takes_a_picture_out_of_black_to_white() {
         let cube = truth(None);
         for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
-            let of = |size, sigma| picture(&cube, size, silhouettes, sigma, &View::fixed());
-            for sigma in [None, Some(1.5)] {
-                let image = of(32, sigma).unwrap();
+            let of = |size, blur| picture(&cube, size, silhouettes, blur, &View::fixed());
+            for blur in [None, Some((Kernel::Sampled, 1.5)), Some((Kernel::Disc, 1.5))] {
+                let image = of(32, blur).unwrap();
                 let inside = |channel: &f64| (-1e-12..=1.0 + 1e-12).contains(channel);
                 assert!(image.data().iter().all(inside), "{silhouettes}");
             }
-            assert!(of(32, Some(-1.0)).is_err() && of(0, None).is_err(), "{silhouettes}");
+            assert!(
+                of(32, Some((Kernel::Disc, -1.0))).is_err() && of(0, None).is_err(),
+                "{silhouettes}"
+            );
         }
     }
 

@@ -234,6 +234,7 @@ impl CubeSettings {
         same("preset", &self.preset, &others.preset)?;
         same("resolution", &self.resolution, &others.resolution)?;
         same("target sigma", &self.sigma_target, &others.sigma_target)?;
+        same("kernel", &self.kernel, &others.kernel)?;
         same("seed", &self.seed, &others.seed)?;
         same("silhouettes", &self.silhouettes, &others.silhouettes)?;
         same("precision", &self.precision, &others.precision)?;

@@ -25,7 +25,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use bokashi_core::{Dual, Scalar, Tensor};
+use bokashi_core::{ForwardDual, Scalar, Tensor};
 use bokashi_fit::{
     Fit, FitError, History, Observer, Parameters, Pipeline as _, Rules, Step, StepState, Stepped,
     Steps, Stop, drive,
@@ -230,7 +230,7 @@ fn normal_equations(
         let dual_sigma = sigma_value.as_ref().map(Tensor::cast);
         if shape > 0 {
             for k in 0..vertices.size() {
-                let mut along = vertices.cast::<Dual<f64>>();
+                let mut along = vertices.cast::<ForwardDual<f64>>();
                 along.data_mut()[k].tangent = 1.0;
                 let image = views.image(view, &along, &dual_colors, dual_sigma.as_ref())?;
                 columns.push((k, image.tangents()));
@@ -238,7 +238,8 @@ fn normal_equations(
             shares = Some(views.image(view, &vertices, &unit, sigma_here)?);
         }
         if let Some(sigma) = sigma.filter(|sigma| !sigma.is_frozen()) {
-            let along = sigma.raw().map(|raw| sigma.mapped_by().value(Dual::new(raw, 1.0)));
+            let moving = |raw| ForwardDual { value: raw, tangent: 1.0 };
+            let along = sigma.raw().map(|raw| sigma.mapped_by().value(moving(raw)));
             let image = views.image(view, &vertices.cast(), &dual_colors, Some(&along))?;
             columns.push((shape, image.tangents()));
         }

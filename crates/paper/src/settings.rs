@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use bokashi_fit::{FitError, FitSettings, Mapping, Optimizer, Schedule};
-use bokashi_render_ops::{Border, Kernel, Radius, Silhouettes};
+use bokashi_render_ops::{Blur, Border, Kernel, Radius, Silhouettes};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The paper's experiments.
@@ -162,26 +162,16 @@ pub struct CubeSettings {
     pub optimizer: Optimizer,
     /// How sigma stays positive.
     pub sigma_mapping: Mapping,
-    /// The taps of the blur.
-    #[serde(with = "KernelWord")]
+    /// The weights of the blur, in the learnt image and in the target.
     pub kernel: Kernel,
     /// What the blur sees outside the image.
     #[serde(with = "BorderWord")]
     pub border: Border,
     /// The window of the blur; `None`: fixed at four times the larger of the two sigmas, rounded
-    /// up, so that it never steps with sigma.
+    /// up, so that it never steps with sigma. A disc is then never cut off or refused, and halved
+    /// from a radius of 512 pixels on.
     #[serde(with = "window")]
     pub radius: Option<Radius>,
-}
-
-/// The kernels' words in files.
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Kernel", rename_all = "lowercase")]
-enum KernelWord {
-    Unnormalized,
-    Sampled,
-    Discrete,
-    Disc,
 }
 
 /// The borders' words in files.
@@ -266,7 +256,11 @@ impl CubeSettings {
     /// The window of the blur.
     pub fn blur_radius(&self) -> Radius {
         let widest = self.sigma_target.max(self.sigma_start);
-        self.radius.unwrap_or(Radius::Fixed((4.0 * widest).ceil() as usize))
+        self.radius.unwrap_or_else(|| match self.kernel {
+            // A disc has an end. A fixed window would refuse a sigma that overshoots its target by far.
+            Kernel::Disc => Blur::default().radius,
+            _ => Radius::Fixed((4.0 * widest).ceil() as usize),
+        })
     }
 
     /// The settings of the fit's loop.
@@ -296,12 +290,16 @@ impl CubeSettings {
         if !self.blurs() {
             return Ok(());
         }
+        // The blur allows no larger discs, and no wider windows than 4 of these sigmas.
+        let (largest, rule) = match self.kernel {
+            Kernel::Disc => (1024.0, "a number above 0 and up to 1024 for a disc"),
+            _ => (4096.0, "a number above 0 and up to 4096"),
+        };
         for (setting, sigma) in
             [("target sigma", self.sigma_target), ("starting sigma", self.sigma_start)]
         {
-            // A window of 4 sigma is then no wider than the blur allows.
-            if !(sigma > 0.0 && sigma <= 4096.0) {
-                return Err(FitError::setting(setting, "a number above 0 and up to 4096", sigma));
+            if !(sigma > 0.0 && sigma <= largest) {
+                return Err(FitError::setting(setting, rule, sigma));
             }
         }
         Ok(())
@@ -351,6 +349,9 @@ mod tests {
                 Err(format!("starting {rule} {sigma}"))
             );
         }
+        let disc = CubeSettings { kernel: Kernel::Disc, sigma_target: 1025.0, ..settings.clone() };
+        let rule = "target sigma needs a number above 0 and up to 1024 for a disc, got 1025";
+        assert_eq!(message(disc), Err(rule.into()));
         let blind = CubeSettings { experiment: Experiment::Vertices, ..settings };
         assert!(CubeSettings { sigma_target: f64::NAN, ..blind }.check().is_ok());
     }

@@ -135,6 +135,13 @@ pub enum RenderError {
         given: String,
     },
 
+    /// A word that names no kernel of a blur.
+    #[error("a kernel needs to be unnormalized, sampled, discrete or disc, got {given:?}")]
+    Kernel {
+        /// The word given.
+        given: String,
+    },
+
     /// Layers in depth were asked for with exact coverage.
     #[error(
         "{operation} needs fragments at pixel centres, got exact coverage, \

@@ -3,11 +3,16 @@
 //! For `F = <u, out>` with Hessian `H`: `<H v, w> = <v, H w>` to rounding, and `H v` agrees with a
 //! Richardson pair of differences of the gradient along `v`. So the derivative of the backward
 //! pass is checked too, wherever a subject is used for second-order methods.
+//!
+//! The rounding of the gradient `g` is at least `ROUNDINGS eps max |g|`, more where `g` is measured to
+//! be noisier along `v` ([`noise`]). It is where terms of `g` cancel: `x + h v` is rounded, which moves
+//! `g` by up to `eps |H| |x|`, however small `g` is. A gradient that is quadratic in h has nothing else
+//! in its error bar.
 
 use bokashi_core::Tensor;
 
 use super::adjoint::{direction, is_smooth, rounding};
-use super::differences::{Quotient, on_stencil, richardson};
+use super::differences::{Quotient, noise, on_stencil, richardson};
 use crate::failure::{Broken, differentiated, entry};
 use crate::run::{Point, along, dot, largest, run};
 use crate::trial::{NEGLIGIBLE, ROUNDINGS, Tally, Trial};
@@ -90,7 +95,8 @@ fn quotients(trial: &Trial, v: &[Tensor<f64>], i: usize, size: f64) -> Option<Ve
     let largest = |numbers: &[Quotient], number: fn(&Quotient) -> f64| {
         numbers.iter().fold(0.0, |largest: f64, quotient| largest.max(number(quotient).abs()))
     };
-    let rounding = ROUNDINGS * f64::EPSILON * size;
+    let noise = noise(|h| Some(gradient_at(h)?.data().to_vec()));
+    let rounding = (ROUNDINGS * f64::EPSILON * size).max(noise);
     let mut best: Option<(f64, Vec<Quotient>)> = None;
     for step in STEPS {
         let Some(gradients) = on_stencil(step, gradient_at) else { continue };

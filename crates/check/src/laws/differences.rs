@@ -5,7 +5,7 @@
 //!
 //! - the reference is Richardson's `R = (4 D(h/2) - D(h)) / 3`, in error by `O(h^4)`;
 //! - its error bar is `|R - D(h/2)|`, which is `O(h^2)`, plus the rounding of `F` over `h`: at least
-//!   `ROUNDINGS eps sum |u out|`, more where `F` is measured to be noisier ([`noise_level`]);
+//!   `ROUNDINGS eps sum |u out|`, more where `F` is measured to be noisier ([`noise`]);
 //! - the law is `|gradient - R| <= bar + ROUNDINGS eps scale`, where `scale` is the largest entry of
 //!   the gradient with respect to the same input, by either reckoning.
 //!
@@ -66,7 +66,9 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
     let size = trial.size();
     let upstream_size: f64 = trial.upstream.iter().flat_map(Tensor::data).map(|u| u.abs()).sum();
-    let rounding = (ROUNDINGS * f64::EPSILON * size).max(NOISE_MARGIN * noise_level(trial));
+    let direction = direction(trial, 701);
+    let noise = noise(|h| Some(vec![value(trial, &moved(trial, &direction, h))?]));
+    let rounding = (ROUNDINGS * f64::EPSILON * size).max(noise);
     for (i, gradient) in trial.gradients() {
         let stride = gradient.size().div_ceil(MOST_ENTRIES).max(1);
         let entries = || (0..gradient.size()).step_by(stride);
@@ -99,21 +101,24 @@ fn value(trial: &Trial, point: &Point<f64>) -> Option<f64> {
     smooth.then(|| dot(&outputs, &trial.upstream).0)
 }
 
-/// The standard deviation of the rounding of `F`: third differences over steps so short that a
-/// smooth function has none to speak of. 0 where `F` is not smooth so close to the point.
-fn noise_level(trial: &Trial) -> f64 {
+/// The most rounding to expect of an entry of `f`: some standard deviations of the noisiest one, by
+/// third differences over steps so short that a smooth function has none to speak of. The rounding of
+/// the points themselves is in it. 0 where `f` is not smooth so close to 0.
+pub(crate) fn noise(f: impl Fn(f64) -> Option<Vec<f64>>) -> f64 {
     const POINTS: usize = 13;
-    let direction = direction(trial, 701);
-    let value_at = |k: usize| value(trial, &moved(trial, &direction, k as f64 * NOISE_STEP));
-    let Some(mut differences) = (0..POINTS).map(value_at).collect::<Option<Vec<f64>>>() else {
-        return 0.0;
-    };
+    let rows = (0..POINTS).map(|k| f(k as f64 * NOISE_STEP)).collect::<Option<Vec<_>>>();
+    let Some(mut rows) = rows else { return 0.0 };
     for _ in 0..3 {
-        differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let difference = |pair: &[Vec<f64>]| {
+            pair[1].iter().zip(&pair[0]).map(|(after, before)| after - before).collect()
+        };
+        rows = rows.windows(2).map(difference).collect();
     }
-    let square = differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64;
+    let square =
+        |entry: usize| rows.iter().map(|row| row[entry].powi(2)).sum::<f64>() / rows.len() as f64;
+    let largest = (0..rows[0].len()).map(square).fold(0.0, f64::max);
     // (3!)^2 / 6! of the variance of a third difference is the variance of a value.
-    (square / 20.0).sqrt()
+    NOISE_MARGIN * (largest / 20.0).sqrt()
 }
 
 /// The quotient for entry `k` of input `i` with the first step that will do, or else the one with

@@ -172,6 +172,18 @@ fn each_mistake_breaks_the_law_that_is_there_for_it() {
     }
 }
 
+/// The gradient of the factor is 0, and moves by the rounding of the inputs all the same.
+#[test]
+fn a_gradient_that_cancels_is_as_rough_as_the_inputs() {
+    subject!(Steps: |x| (x[0].slice(0, 1..9)? - x[0].slice(0, 0..8)?) * x[1]);
+    let constant = (0.5..2.0).prop_map(|level| {
+        vec![Input::leaf(Tensor::full([9], level)), Input::leaf(Tensor::scalar(0.3))]
+    });
+    let report = Check::new("steps", Steps, constant).run();
+    let report = report.unwrap_or_else(|failure| panic!("{failure}"));
+    assert_eq!(report.tally(Law::Curvature).left_out, 0, "{report}");
+}
+
 #[test]
 fn a_failure_is_shrunk_to_one_entry() {
     let failure = check(Fault::Gradient).expect_err("a mistake");

@@ -16,7 +16,7 @@ fn bokashi(folder: &Path, line: &str) -> Output {
 }
 
 /// The keys of the JSON object, in order.
-const KEYS: [&str; 20] = [
+const KEYS: [&str; 21] = [
     "experiment",
     "preset",
     "resolution",
@@ -24,6 +24,7 @@ const KEYS: [&str; 20] = [
     "steps",
     "silhouettes",
     "precision",
+    "kernel",
     "sigma_target",
     "sigma_final",
     "vertex_error_initial",
@@ -50,7 +51,7 @@ fn json_on_standard_output_is_one_object_with_every_key() {
     assert_eq!(object.len(), KEYS.len());
     assert_eq!(value["experiment"], "joint");
     assert_eq!((&value["precision"], &value["silhouettes"]), (&"f32".into(), &"antialias".into()));
-    assert_eq!(value["sigma_target"], 4.0);
+    assert_eq!((&value["kernel"], &value["sigma_target"]), (&"sampled".into(), &4.0.into()));
     let history = value["history"].as_array().expect("a list");
     assert_eq!(history.len(), 13);
     for key in ["step", "seconds", "loss", "vertex_error", "sigma"] {
@@ -250,7 +251,7 @@ fn a_report_is_a_page_that_needs_nothing_else_with_tables_and_pictures_beside_it
     }
     let table = fs::read_to_string(made.join("fits.csv")).expect("a table");
     let columns: Vec<usize> = table.lines().map(|row| row.split(',').count()).collect();
-    assert_eq!(columns, [21, 21]);
+    assert_eq!(columns, [22, 22]);
 }
 
 #[test]
@@ -355,9 +356,12 @@ fn timeless(mut value: Value, step: u64) -> (Value, Vec<Value>) {
 fn a_saved_fit_goes_on_to_the_same_bits() {
     let folder = folder();
     let fit = "paper fit --resolution 8 --seed 3 --sigma 1.4";
-    for (precision, silhouettes) in [("f32", "antialias"), ("f64", "exact")] {
+    for (precision, silhouettes, kernel) in
+        [("f32", "antialias", "sampled"), ("f64", "exact", "disc")]
+    {
         let run = |line: &str| object(&bokashi(folder.path(), &format!("{line} --json -")));
         let precise = format!("{fit} --precision {precision} --silhouettes {silhouettes}");
+        let precise = format!("{precise} --kernel {kernel}");
         let whole = run(&format!("{precise} --steps 20"));
         run(&format!("{precise} --steps 7 --save kept"));
         assert_eq!(files(folder.path()), ["kept"]);
@@ -391,6 +395,7 @@ fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
         ("paper fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
         ("paper fit --resume kept --silhouettes exact", "the saved fit, antialias, got exact"),
         ("paper fit --resume kept --precision f64", "the saved fit, f32, got f64"),
+        ("paper fit --resume kept --kernel disc", "the saved fit, sampled, got disc"),
         (
             "paper fit --resume kept --steps 4",
             "steps needs no fewer than are already done, got 4 of 5",

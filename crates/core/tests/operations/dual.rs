@@ -88,5 +88,5 @@ fn single_precision_widens_with_its_tangent() {
     assert_eq!((wide.value, wide.tangent), (f64::from(0.1_f32), f64::from(0.3_f32)));
     let narrow: Dual<f32> = Dual::narrow(wide);
     assert_eq!((narrow.value, narrow.tangent), (0.1, 0.3));
-    assert_eq!(Dual::<f32>::from_f64(0.5).to_string(), "0.5 + 0 e");
+    assert_eq!(<Dual<f32>>::from_f64(0.5).to_string(), "0.5 + 0 e");
 }

@@ -1,4 +1,4 @@
-use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var, hvp, jvp};
+use bokashi_core::{Dual, ForwardDual, Scalar, Tape, Tensor, TensorError, Var, hvp, jvp};
 
 /// `exp(2 x y)` of `[1, 2]` and `[2, 1]`, as the square of `exp(x y)`.
 fn curved<'t, T: Scalar>(inputs: &[Var<'t, T>]) -> Result<Var<'t, T>, TensorError> {
@@ -51,8 +51,42 @@ fn an_input_that_is_not_used_has_products_of_zero() {
 fn a_tangent_has_the_shape_of_its_value_and_a_hessian_is_of_a_scalar() {
     let (x, v) = (Tensor::full([2], 1.0_f64), Tensor::full([3], 1.0));
     let message = "dual needs a tangent of its value's shape, got shapes [3] and [2]";
-    let refused = jvp(&mut Tape::new(), &[(&x, &v)], |x| Ok::<_, TensorError>(x[0]));
+    let refused =
+        jvp(&mut Tape::<ForwardDual<f64>>::new(), &[(&x, &v)], |x| Ok::<_, TensorError>(x[0]));
     assert_eq!(refused.unwrap_err().to_string(), message);
     let refused = hvp(&mut Tape::new(), &[(&x, &x)], |x| Ok::<_, TensorError>(x[0]));
     assert!(matches!(refused, Err(TensorError::NotScalar { .. })));
+}
+
+#[test]
+fn forward_only_numbers_have_the_same_bits() {
+    let [x, v, w] = [[0.3, -0.7], [0.9, 0.4], [1.5, 0.25]].map(|x| Tensor::new([1, 2], x.to_vec()));
+    let (x, v, w) = (x.unwrap(), v.unwrap(), w.unwrap());
+    let columns = [&v, &w].map(|x| Tensor::new([2, 1], x.data().to_vec()).unwrap());
+    let point = [(&x, &v), (&columns[0], &columns[1])];
+    let both = jvp(&mut Tape::<Dual<f64>>::new(), &point, curved).unwrap();
+    let forward = jvp(&mut Tape::<ForwardDual<f64>>::new(), &point, curved).unwrap();
+    assert_eq!(forward, both);
+}
+
+#[test]
+fn forward_only_numbers_keep_nothing_and_a_backward_pass_over_them_is_refused() {
+    let tape = Tape::new();
+    let x = tape.leaf_scalar(ForwardDual { value: 3.0, tangent: 1.0 });
+    let parts = tape.sum_over(2, &[x], |_, _, x| Ok::<_, TensorError>(x[0].square()));
+    let y = parts.unwrap() + x;
+    assert_eq!((y.item().value, y.item().tangent), (21.0, 13.0));
+    assert!(!y.needs_gradient());
+    assert_eq!(format!("{tape:?}"), "Tape { values: 3, nodes: [] }");
+    let one = Tensor::scalar(ForwardDual { value: 1.0, tangent: 0.0 });
+    let refused = [
+        y.backward(),
+        y.backward_to(&[x]),
+        tape.vjp(&[(y, &one)]),
+        tape.vjp_to(&[(y, &one)], &[x]),
+        x.backward(),
+    ];
+    for refused in refused {
+        assert!(matches!(refused, Err(TensorError::ForwardOnly { .. })));
+    }
 }

@@ -75,13 +75,18 @@ pub(crate) fn section(trials: &[Trial]) -> Section {
     let Some(first) = trials.first() else { return section };
     section.note = format!(
         "The paper leaves open how far the blur’s window reaches, what it sees outside the image, how its \
-         taps are made, and how sigma stays positive. Here each choice of ours is exchanged for another, \
+         weights are made, and how sigma stays positive. Here each choice of ours is exchanged for another, \
          one at a time, in the learnt image and in its target. One seed each, in {}, where rounding hides \
          no floor, and counted nowhere else in this report; σ* is the target.",
         first.settings.precision
     );
-    let questions =
-        Choice::ALL.map(|choice| format!("<li><b>{}</b>: {}", capital(choice), question(choice)));
+    let is_shown =
+        |choice: &Choice| trials.iter().any(|trial| trial.alternative.choice == Some(*choice));
+    let questions: Vec<_> = Choice::ALL
+        .into_iter()
+        .filter(is_shown)
+        .map(|choice| format!("<li><b>{}</b>: {}", capital(choice), question(choice)))
+        .collect();
     section.push_html(format!(
         "<ul>{}</ul><p class=\"note\">Sigma error against step for the rules of the radius. A line is the \
          median of the few steps that a point of it stands for, the band around it their least and largest \
@@ -114,7 +119,8 @@ fn question(choice: Choice) -> &'static str {
         Choice::Kernel => {
             "over a window without an end, the unnormalized kernel’s gain differs from 1 by more than 0.4 % only \
              below sigma 0.6; look whether a fit comes that low (<i>least sigma</i>), and \
-             whether its numbers differ from ours without that."
+             whether its numbers differ from ours without that. A disc of the same variance has a rim where \
+             a Gaussian has tails; compare steps and seconds."
         }
         Choice::Mapping => {
             "a step of the optimizer is a step of what the mapping is given: look at how many \
@@ -156,7 +162,7 @@ fn name(trial: &Trial) -> Cell {
     match trial.alternative.choice {
         None => {
             let CubeSettings { border, kernel, sigma_mapping, .. } = trial.settings;
-            let others = format!("{border:?}, {kernel:?}, {sigma_mapping:?}").to_lowercase();
+            let others = format!("{border:?}, {kernel}, {sigma_mapping:?}").to_lowercase();
             Cell::text(format!("Ours: {name}, {others}")).strong()
         }
         Some(choice) => Cell::text(format!("{}: {name}", capital(choice))),
@@ -233,10 +239,10 @@ fn figures(trials: &[Trial]) -> Figures {
 mod tests {
     use super::super::tests::outcome;
     use super::*;
-    use crate::alternatives;
+    use crate::{Kernel, alternatives};
 
     fn reached(errors: &[f64]) -> Reached {
-        let (_, settings) = alternatives(errors.len() as u64 - 1).remove(0);
+        let (_, settings) = alternatives(errors.len() as u64 - 1, Kernel::Sampled).remove(0);
         let mut outcome = outcome(&settings, 0.0);
         for (record, error) in outcome.history.iter_mut().zip(errors) {
             record.sigma = Some(settings.sigma_target + error);
@@ -265,7 +271,7 @@ mod tests {
 
     #[test]
     fn every_fit_has_a_row_in_its_part_and_a_failed_one_says_why() {
-        let trials: Vec<Trial> = alternatives(20)
+        let trials: Vec<Trial> = alternatives(20, Kernel::Sampled)
             .iter()
             .map(|(alternative, settings)| {
                 let failed = alternative.name == "nothing";

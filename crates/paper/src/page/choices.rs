@@ -1,7 +1,7 @@
 //! What was chosen where the paper leaves a choice, and what else makes the numbers of a report.
 
 use bokashi_fit::{Optimizer, Schedule};
-use bokashi_render_ops::Radius;
+use bokashi_render_ops::{Kernel, Radius};
 use bokashi_report::{About, Cell, Section, Table, grouped};
 
 use super::digest::Group;
@@ -31,7 +31,7 @@ pub(crate) fn section(about: &About, groups: &[&Group]) -> Section {
     rows.push(("Camera", CAMERA.to_owned()));
     if !blurred.is_empty() {
         let word = |word: &dyn std::fmt::Debug| format!("{word:?}").to_lowercase();
-        rows.push(("Blur kernel", each(&blurred, |settings| word(&settings.kernel))));
+        rows.push(("Blur kernel", each(&blurred, |settings| settings.kernel.to_string())));
         rows.push(("Blur border", each(&blurred, |settings| word(&settings.border))));
         rows.push(("Blur radius", each(&blurred, radius)));
         let mapping = each(&blurred, |settings| word(&settings.sigma_mapping));
@@ -130,6 +130,7 @@ fn radius(settings: &CubeSettings) -> String {
         Radius::Fixed(radius) => {
             format!("{radius} px to either side for σ = {sigma}, fixed during a fit")
         }
+        Radius::Tolerance(_) if settings.kernel == Kernel::Disc => "the whole disc".to_owned(),
         Radius::Tolerance(share) => format!("for σ = {sigma}, what misses {share:e} of the weight"),
     }
 }

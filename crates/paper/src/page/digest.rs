@@ -9,6 +9,9 @@
 //! Several seeds: each seed's median per window; the line is the median of these over the seeds,
 //! the band their quartiles. A seed that ended early counts as long as it ran.
 
+use std::fmt::Write as _;
+
+use bokashi_render_ops::Kernel;
 use bokashi_report::{Stroke, quantiles, quartiles};
 
 use crate::{CubeSettings, Experiment, Outcome, Preset, Record, Silhouettes, Snapshot};
@@ -213,12 +216,13 @@ impl Group {
     pub(crate) fn file_name(&self) -> String {
         let CubeSettings { experiment, resolution, preset, precision, .. } = self.settings;
         let sigma = self.settings.blurs().then(|| format!("-sigma-{}", self.settings.sigma_target));
+        let kernel = self.other_kernel().map(|kernel| format!("-{kernel}")).unwrap_or_default();
         let silhouettes = match self.settings.silhouettes {
             Silhouettes::Antialias => String::new(),
             other => format!("-{other}"),
         };
         let sigma = sigma.unwrap_or_default();
-        format!("{experiment}-{resolution}px{sigma}-{preset}{silhouettes}-{precision}")
+        format!("{experiment}-{resolution}px{sigma}{kernel}-{preset}{silhouettes}-{precision}")
     }
 
     /// The size or the blur, in words.
@@ -229,9 +233,18 @@ impl Group {
         }
     }
 
+    /// The kernel of the blur, where it is not the usual one.
+    fn other_kernel(&self) -> Option<Kernel> {
+        let CubeSettings { kernel, .. } = self.settings;
+        (self.settings.blurs() && kernel != Kernel::default()).then_some(kernel)
+    }
+
     /// A name within the experiment.
     pub(crate) fn name(&self) -> String {
         let mut name = self.grade_name();
+        if let Some(kernel) = self.other_kernel() {
+            let _ = write!(name, ", {kernel}");
+        }
         match self.settings.preset {
             Preset::Paper => {}
             Preset::Tuned => name.push_str(", tuned rates"),

@@ -84,8 +84,9 @@ pub(crate) fn film(groups: &[&Group]) -> Result<Option<Film>, ReportError> {
 /// One cube as its fit sees it, at the size of the film.
 fn tile(fit: &Fit, snapshot: &Snapshot, side: usize, view: &View) -> Result<RgbImage, ReportError> {
     let scale = side as f64 / fit.settings.resolution as f64;
-    let sigma = snapshot.sigma.filter(|_| fit.settings.blurs()).map(|sigma| sigma * scale);
-    let picture = scenes::picture(snapshot, side, Silhouettes::Antialias, sigma, view)
+    let sigma = snapshot.sigma.filter(|_| fit.settings.blurs());
+    let blur = sigma.map(|sigma| (fit.settings.kernel, sigma * scale));
+    let picture = scenes::picture(snapshot, side, Silhouettes::Antialias, blur, view)
         .map_err(ReportError::content)?;
     let mut picture = picture_of(&picture)?;
     // Six bits per channel: half the bytes, and no step that an eye would see in motion.

@@ -31,8 +31,9 @@ pub(crate) fn view() -> View {
 pub(crate) fn draw(fit: &Fit, snapshot: &Snapshot) -> Result<RgbImage, ReportError> {
     let settings = &fit.settings;
     let sigma = snapshot.sigma.filter(|_| settings.blurs());
+    let blur = sigma.map(|sigma| (settings.kernel, sigma));
     let (side, silhouettes) = (settings.resolution, settings.silhouettes);
-    let image = scenes::picture(snapshot, side, silhouettes, sigma, &view())
+    let image = scenes::picture(snapshot, side, silhouettes, blur, &view())
         .map_err(ReportError::content)?;
     picture_of(&image)
 }

@@ -115,7 +115,7 @@ impl Report {
             files.push((format!("{}.csv", table.name).into(), table.csv().into()));
         }
         let introduction = format!(
-            "Vertices, colours and the strength of a Gaussian blur, found by gradient descent through a \
+            "Vertices, colours and the strength of a blur, found by gradient descent through a \
              renderer, on a CPU. This report shows {fits}."
         );
         let heading = "A cube, learnt from its blurred pictures".to_owned();
@@ -127,7 +127,7 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Experiment, Preset, Record, Silhouettes, random_start, truth};
+    use crate::{Experiment, Kernel, Preset, Record, Silhouettes, random_start, truth};
 
     /// A made-up outcome whose errors fall from 1 to `last`.
     pub(super) fn outcome(settings: &CubeSettings, last: f64) -> Outcome {
@@ -152,6 +152,7 @@ mod tests {
             steps: settings.steps,
             silhouettes: settings.silhouettes,
             precision: settings.precision,
+            kernel: sigma.map(|_| settings.kernel),
             sigma_target: sigma,
             sigma_final: sigma.map(|sigma| sigma + last),
             vertex_error_initial: learns.then_some(1.0),
@@ -280,7 +281,7 @@ mod tests {
         let mut report = Report::new(About::default());
         report.add(&ours, outcome(&ours, 1e-3));
         let without = report.render().expect("a report");
-        for (alternative, settings) in crate::alternatives(20) {
+        for (alternative, settings) in crate::alternatives(20, Kernel::Sampled) {
             let outcome = outcome(&settings, 1e-3);
             report.add_alternative(alternative, &settings, Ok(outcome));
         }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use bokashi_render_ops::Kernel;
 use bokashi_report::{Cell, ReportError, Section, Table, digits, escaped};
 
 use super::digest::{Fit, Group};
@@ -14,7 +15,7 @@ const MOST_PICTURES: usize = 24;
 
 /// Milliseconds per step on an NVIDIA RTX 3060 Ti, as the paper prints them.
 fn paper_ms(settings: &CubeSettings) -> Option<&'static str> {
-    if settings.resolution != 32 {
+    if settings.resolution != 32 || settings.kernel == Kernel::Disc {
         return None;
     }
     match (settings.experiment, settings.sigma_target, settings.silhouettes) {

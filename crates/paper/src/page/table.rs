@@ -34,8 +34,8 @@ pub(crate) const NUMBERS: [Number; 13] = [
 ];
 
 /// The names of what sets a fit apart.
-const SETTINGS: [&str; 7] =
-    ["experiment", "preset", "resolution", "seed", "steps", "silhouettes", "precision"];
+const SETTINGS: [&str; 8] =
+    ["experiment", "preset", "resolution", "seed", "steps", "silhouettes", "precision", "kernel"];
 
 /// What sets a fit apart: the cells of [`SETTINGS`].
 fn settings(fit: &Fit) -> Vec<Cell> {
@@ -48,6 +48,7 @@ fn settings(fit: &Fit) -> Vec<Cell> {
         Cell::Count(outcome.steps as usize),
         Cell::text(outcome.silhouettes.to_string()),
         Cell::text(outcome.precision.to_string()),
+        outcome.kernel.map_or(Cell::Nothing, |kernel| Cell::text(kernel.to_string())),
     ]
 }
 

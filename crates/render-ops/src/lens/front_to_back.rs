@@ -280,9 +280,11 @@ impl<T: Scalar> Sight<T> {
                 for ((&alpha, &hidden), &total) in
                     alphas.iter().zip(&sight.hidden).zip(&total[range])
                 {
-                    let over = alpha * (T::ONE - hidden) - (T::ONE - total);
+                    let (through, left) = (T::ONE - hidden, T::ONE - total);
+                    let is_seen = through > T::ZERO && left > rounding::<T>();
                     // Where both arguments are equal rounding decides, and the slopes are equal, too.
-                    let place = u64::from(over.to_f64() > KINK) + 5 * strip.rung as u64;
+                    let is_cut = alpha * through - left > rounding::<T>();
+                    let place = u64::from(is_seen) + 2 * u64::from(is_cut) + 5 * strip.rung as u64;
                     piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
                 }
             }

@@ -26,13 +26,18 @@ mod endless;
 #[cfg(test)]
 mod tests;
 
+use std::fmt;
+use std::str::FromStr;
+
 use bokashi_core::Scalar;
 
 use crate::border::Border;
 use crate::error::RenderError;
 
 /// Which weights a window has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Kernel {
     /// Unnormalized: the density of the normal distribution at the pixels' centres, as the paper
     /// prints it. The weights' sum is a gain, which rises above 1 where sigma falls below 0.6. It
@@ -52,6 +57,31 @@ pub enum Kernel {
     /// sigmas have a gradient, and sigma is at most 1024. With a [`Radius::Tolerance`] of 0.15 a wide disc takes no
     /// longer than a narrow one.
     Disc,
+}
+
+/// The words of [`Kernel`] in files and on command lines.
+const WORDS: [(&str, Kernel); 4] = [
+    ("unnormalized", Kernel::Unnormalized),
+    ("sampled", Kernel::Sampled),
+    ("discrete", Kernel::Discrete),
+    ("disc", Kernel::Disc),
+];
+
+impl fmt::Display for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(WORDS[*self as usize].0)
+    }
+}
+
+impl FromStr for Kernel {
+    type Err = RenderError;
+
+    fn from_str(word: &str) -> Result<Self, RenderError> {
+        let known = WORDS.iter().find(|(known, _)| *known == word);
+        known
+            .map(|&(_, kernel)| kernel)
+            .ok_or_else(|| RenderError::Kernel { given: word.to_owned() })
+    }
 }
 
 /// How far a window reaches.

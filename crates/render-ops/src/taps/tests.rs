@@ -136,3 +136,11 @@ fn a_discrete_window_moves_with_sigma_however_narrow_it_is() {
         assert_relative_eq!(taps.slopes[1], sigma, max_relative = 0.1);
     }
 }
+
+#[test]
+fn each_kernel_has_a_word() {
+    for (word, kernel) in WORDS {
+        assert_eq!(kernel.to_string(), word);
+        assert_eq!(word.parse(), Ok(kernel));
+    }
+}

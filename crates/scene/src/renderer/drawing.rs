@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, Picture, RasterOptions, RenderError, Silhouettes, Size,
-    Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize, srgb_encode,
+    Background, Blur, Cull, Fragments, Kernel, Picture, RasterOptions, RenderError, Silhouettes,
+    Size, Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize, srgb_encode,
 };
 use glam::DMat4;
 
@@ -17,7 +17,7 @@ use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
 use super::normals::{MotionContext, Normals, VertexNormals};
 use super::parts::Parts;
 use super::view_camera::ViewCamera;
-use crate::description::{CullName, SilhouettesName, SurfaceModel, Tone};
+use crate::description::{CullName, KernelName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::learnables::{BLUR, EXPOSURE, Frame, Learnable, Moves, Recorded, TABLE, Values};
 use crate::scene::Scene;
@@ -405,11 +405,17 @@ impl Renderer {
             Some((lens, behind)) => lens.image(&drawn.visible, behind, drawn.background)?,
             None => drawn.light()?.image()?,
         };
-        if let Some(blur) = self.scene.description.pipeline.blur {
+        let pipeline = &self.scene.description.pipeline;
+        if let Some(blur) = pipeline.blur {
             // Lengths in pixels shrink with the image.
             let share = 1.0 / reduce as f32;
             let sigma = values.number(&BLUR, "", blur.0) * share;
-            image = gaussian_blur(image, sigma, &Blur::default())?;
+            let kernel = match pipeline.blur_kernel {
+                KernelName::Sampled => Kernel::Sampled,
+                KernelName::Discrete => Kernel::Discrete,
+                KernelName::Disc => Kernel::Disc,
+            };
+            image = gaussian_blur(image, sigma, &Blur { kernel, ..Blur::default() })?;
         }
         Ok(self.toned(image)?)
     }

@@ -9,7 +9,7 @@ use bokashi_scene::description::LightPlace;
 use bokashi_scene::{Attribute, Camera, ColorSpace, Location, Picture, Scene, SceneFit, SceneView};
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::rays::{Ball, Eye, blurred, light, photograph, through_lens};
+use crate::rays::{Ball, Eye, blurred, blurred_by_disc, light, photograph, through_lens};
 
 /// Degrees of view of all cameras.
 const ANGLE: f64 = 38.0;
@@ -303,14 +303,21 @@ fn before_black(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
 fn the_sigma_of_a_blurred_photograph_is_learnt() {
     let folder = tempfile::tempdir().unwrap();
     let (balls, eye) = balls_and_eye();
-    let photo = blurred(&before_black(&balls, &eye), &vec![2.5; eye.pixels * eye.pixels]);
-    let pipeline = "[pipeline]\nblur = 1.0\n[learn.blur]\n[stop]\nsteps = 300\n";
-    let mut scene = two_balls(folder.path(), &photo, pipeline);
-    paint(&mut scene, &balls);
-    let found = fitted(scene).learnt().unwrap();
-    let sigma = found.description.pipeline.blur.unwrap().0;
-    println!("sigma {sigma}");
-    assert!((sigma - 2.5).abs() < 0.02, "{sigma}");
+    let light = before_black(&balls, &eye);
+    let of_gaussian = (blurred(&light, &vec![2.5; eye.pixels * eye.pixels]), 2.5);
+    for (kernel, (photo, expected)) in
+        [("sampled", of_gaussian), ("disc", blurred_by_disc(&light, 5.0))]
+    {
+        let pipeline = format!(
+            "[pipeline]\nblur = 1.0\nblur_kernel = \"{kernel}\"\n[learn.blur]\n[stop]\nsteps = 300\n"
+        );
+        let mut scene = two_balls(folder.path(), &photo, &pipeline);
+        paint(&mut scene, &balls);
+        let found = fitted(scene).learnt().unwrap();
+        let sigma = found.description.pipeline.blur.unwrap().0;
+        println!("{kernel}: sigma {sigma}");
+        assert!((sigma - expected).abs() < 0.02, "{kernel}: {sigma}, not {expected}");
+    }
 }
 
 #[test]

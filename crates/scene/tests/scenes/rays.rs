@@ -162,6 +162,37 @@ pub(crate) fn through_lens(balls: &[Ball], eye: &Eye, radius: f64, focus: f64) -
 /// Each pixel a mean of its neighbours, weighted by a Gaussian of its own standard deviation; mirrored at the
 /// border. `light` is `[pixels, pixels, C]`.
 pub(crate) fn blurred(light: &Tensor<f32>, sigmas: &[f64]) -> Tensor<f32> {
+    let sigma = |pixel: usize| sigmas[pixel].max(1e-3);
+    let weight = |pixel, offset: [isize; 2]| {
+        let along = |k: isize| (-0.5 * (k as f64 / sigma(pixel)).powi(2)).exp();
+        along(offset[0]) * along(offset[1])
+    };
+    means(light, |pixel| (5.0 * sigma(pixel)).ceil() as isize, weight)
+}
+
+/// Each pixel a mean of its neighbours, weighted by the share of them that lies in a disc; mirrored at the border.
+/// Also the standard deviation of these weights along an axis.
+pub(crate) fn blurred_by_disc(light: &Tensor<f32>, radius: f64) -> (Tensor<f32>, f64) {
+    let reach = radius.ceil() as isize;
+    let share = |offset: [isize; 2]| {
+        let points = (0..RAYS * RAYS).filter(|k| {
+            let within = [k / RAYS, k % RAYS].map(|k| (k as f64 + 0.5) / RAYS as f64 - 0.5);
+            (offset[0] as f64 + within[0]).hypot(offset[1] as f64 + within[1]) < radius
+        });
+        points.count() as f64
+    };
+    let offsets = || (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| [y, x]));
+    let sum: f64 = offsets().map(share).sum();
+    let variance = offsets().map(|offset| share(offset) * (offset[1] * offset[1]) as f64 / sum);
+    (means(light, |_| reach, |_, offset| share(offset)), variance.sum::<f64>().sqrt())
+}
+
+/// Each pixel a weighted mean of those around it, by offsets down and right; mirrored at the border.
+fn means(
+    light: &Tensor<f32>,
+    reach: impl Fn(usize) -> isize,
+    weight: impl Fn(usize, [isize; 2]) -> f64,
+) -> Tensor<f32> {
     let (pixels, channels) = (light.shape()[0] as isize, light.shape()[2]);
     let mirrored = |coordinate: isize| {
         let coordinate = coordinate.rem_euclid(2 * pixels);
@@ -169,13 +200,11 @@ pub(crate) fn blurred(light: &Tensor<f32>, sigmas: &[f64]) -> Tensor<f32> {
     };
     let mut all = vec![0.0_f32; light.size()];
     for (pixel, sum) in all.chunks_exact_mut(channels).enumerate() {
-        let (sigma, [row, column]) =
-            (sigmas[pixel].max(1e-3), [pixel as isize / pixels, pixel as isize % pixels]);
-        let reach = (5.0 * sigma).ceil() as isize;
-        let weight = |k: isize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+        let (row, column) = (pixel as isize / pixels, pixel as isize % pixels);
+        let reach = reach(pixel);
         let mut total = vec![0.0; channels + 1];
         for (down, right) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
-            let weight = weight(down) * weight(right);
+            let weight = weight(pixel, [down, right]);
             let coordinate = mirrored(row + down) * pixels + mirrored(column + right);
             total[channels] += weight;
             for (channel, total) in total[..channels].iter_mut().enumerate() {

@@ -27,6 +27,7 @@ far = 100.0
 tone = "srgb"
 exposure = 0.1
 blur = 0.5
+blur_kernel = "sampled"
 lens = { aperture = 4.0, focus = 4.0, surfaces = 2, largest_radius = 20 }
 [learn.vertices]
 rate = 0.01
@@ -234,6 +235,7 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ("pipeline.tone", "tone = \"srgb\"", "tone = \"linear\"", Takes),
         ("pipeline.exposure", "exposure = 0.1", "exposure = 0.3", Refused(start)),
         ("pipeline.blur", "blur = 0.5", "blur = 0.7", Refused(start)),
+        ("pipeline.blur_kernel", "\"sampled\"", "\"disc\"", Takes),
         ("pipeline.lens.aperture", "aperture = 4.0", "aperture = 4.5", Refused(start)),
         ("pipeline.lens.focus", "focus = 4.0", "focus = 4.5", Refused(start)),
         (

@@ -181,7 +181,7 @@ fn gaussian_blur_by_a_disc(entry: &mut Entry) {
     let sigmas = prop_oneof![2 => 0.02..0.42_f64, 4 => 0.44..2.0_f64, 1 => 2.0..3.9_f64];
     for radius in [Radius::Fixed(8), Radius::Tolerance(1e-4)] {
         let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
-        let cases = (sigmas.clone(), borders, image()).prop_map(move |(sigma, border, image)| {
+        let cases = (borders, image(), sigmas.clone()).prop_map(move |(border, image, sigma)| {
             let inputs = [image, Tensor::scalar(sigma)].map(Input::leaf);
             let blur = Blur { kernel: Kernel::Disc, border, radius };
             Case::new(GaussianBlur { blur }, inputs)

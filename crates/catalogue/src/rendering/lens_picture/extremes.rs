@@ -3,7 +3,7 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Fragments, LensLayer, LensPicture, RenderError, Size, ThinLens, ThinLensOptions,
-    composite, depth_layers, lens_picture,
+    composite, depth_layers, lens_picture, rasterize,
 };
 
 use crate::clip_scene::ClipScene;
@@ -17,7 +17,8 @@ pub(crate) static EXTREMES: &[Extreme] = extremes! {
     196 "a lens: one surface, however far", "brightness is kept", one_surface;
     197 "a lens: circles larger than the picture", "its mean", larger_than_the_picture;
     198 "a lens: 1 pixel", "the pixel", one_pixel;
-    199 "a lens: refused input", "an error", refused;
+    199 "a lens: focus on an edge", "values and gradients are finite, sharp at the edge", focus_on_an_edge;
+    200 "a lens: refused input", "an error", refused;
 };
 
 const SIZE: Size = Size { width: 9, height: 7 };
@@ -64,6 +65,17 @@ impl<'t, T: Scalar> LensView<'t, T> {
         }
         let [aperture, focus] = [aperture, 2.0].map(|x| tape.leaf_scalar(T::from_f64(x)));
         Ok(Self { layers, parts, aperture, focus })
+    }
+
+    /// With other colours.
+    fn with_colors(
+        mut self,
+        colors: impl Fn(&Fragments<'t, T>) -> Result<Var<'t, T>, Failure>,
+    ) -> Result<Self, Failure> {
+        for (fragments, parts) in self.layers.iter().zip(&mut self.parts) {
+            parts[0] = colors(fragments)?;
+        }
+        Ok(self)
     }
 
     fn seen(
@@ -137,9 +149,20 @@ fn one_surface<T: Scalar>() -> Outcome {
     let mut error = 0.0_f64;
     for z in [0.5, 1.0, 1.9, 2.0, 2.1, 7.0, f64::INFINITY] {
         let tape = Tape::<T>::new();
-        let view = LensView::new(&tape, SIZE, 3.0, |_, _| z, motley)?;
+        let size = Size { width: 19, height: 17 };
+        // Light in the middle, from where no circle reaches the border.
+        let view = LensView::new(&tape, size, 3.0, |_, _| z, |_| 1.0)?;
+        let spot = tensor(&[size.pixels(), 2], |k| {
+            let [row, column] = [k / 2 / size.width, k / 2 % size.width];
+            let is_near = row.abs_diff(8) < 4 && column.abs_diff(9) < 4;
+            if is_near { motley(k) } else { 0.0 }
+        });
+        let spot = tape.constant(&spot);
+        let view = view.with_colors(|fragments| {
+            let pixels = fragments.coverage.pixels().map(|pixel| pixel as u32);
+            Ok(spot.gather_rows(&pixels.collect())?)
+        })?;
         let found = view.seen(Background::Zero, &ThinLensOptions::default())?;
-        // A disc with a mirrored border keeps the sum of all pixels.
         let sum = |image: &[f64]| image.iter().sum::<f64>() / image.len() as f64;
         let kept = sum(&numbers(&found.image.value())) - sum(&view.sharp()?);
         error = error.maximum_or_nan(kept.abs());
@@ -169,6 +192,38 @@ fn one_pixel<T: Scalar>() -> Outcome {
     let error = difference(&numbers(&found.image.value()), &view.sharp()?);
     Ok(Verdict::within("the pixel", error, 64.0 * rounding::<T>())
         .and(view.has_finite_gradients(found.image)?, "a gradient is not finite"))
+}
+
+/// A wall whose distance is that of the focus along a line of pixels, and steps from one side of it to the other
+/// between its layers.
+fn focus_on_an_edge<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let size = Size::square(15);
+    let scene = ClipScene::new(
+        &[[-4.0, -4.0], [8.0, -4.0], [-4.0, 8.0]].map(|[x, y]| [x, y, 0.0, 1.0]),
+        &[[0, 1, 2]],
+        size,
+    );
+    let fragments = rasterize(scene.leaf(&tape), &scene.mesh()?, size)?;
+    let rows: Vec<_> = fragments.coverage.pixels().map(|pixel| pixel / size.width).collect();
+    let count = rows.len();
+    let distances = tape.leaf(&tensor(&[count], |k| 2.0 + 0.05 * (rows[k] as f64 - 7.0)));
+    let colors = tape.leaf(&tensor(&[count, 2], motley));
+    let alpha = tape.leaf(&tensor(&[count], |_| 1.0));
+    let layer =
+        LensLayer { fragments: &fragments, premultiplied: colors, alpha, distance: distances };
+    let [aperture, focus] = [4.0, 2.0].map(|x| tape.leaf_scalar(T::from_f64(x)));
+    let lens = ThinLens { aperture, focus };
+    let options = ThinLensOptions::default();
+    let found = lens_picture(layer, &[], Background::Zero, f64::INFINITY, lens, &options)?;
+    let image = numbers(&found.image.value());
+    let sharp = numbers(&composite(colors, &fragments, Background::Zero)?.image()?.value());
+    let edge = 2 * size.width * 7..2 * size.width * 8;
+    let error = difference(&image[edge.clone()], &sharp[edge]);
+    let finite = has_finite_gradients(found.image, &[colors, alpha, distances, aperture, focus])?;
+    // Rows a pixel away have circles of a tenth of a pixel, which hardly reach it.
+    Ok(Verdict::within("the picture at the edge", error, 4e-3)
+        .and(finite, "a gradient is not finite"))
 }
 
 fn refused<T: Scalar>() -> Outcome {
