@@ -25,9 +25,11 @@ pub use learn::{
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
-pub use numbers::{CircleRadius, Count, Finite, NotNegative, Positive, Share, SurfaceCount};
+pub use numbers::{
+    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, SurfaceCount,
+};
 pub use pipeline::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, Opening,
+    CullName, EnvironmentEntry, FilterName, IrisEntry, LensEntry, LightEntry, LightPlace, Opening,
     PipelineEntry, SilhouettesName, SurfaceModel, Tone,
 };
 pub use views::{
