@@ -155,7 +155,7 @@ pub(super) fn apart() -> Vec<Named> {
     let all: Vec<Named> = named().into_iter().chain(others()).collect();
     let chosen = lenses.into_iter().filter_map(|(name, numbers)| {
         let found = all.iter().find(|one| one.name == name)?;
-        Some(Named { numbers, ..found.clone() })
+        Some(Named { name: format!("{name}, none sharp"), numbers, ..found.clone() })
     });
     chosen.collect()
 }
