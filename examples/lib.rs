@@ -21,6 +21,8 @@ pub mod earth;
 pub mod envphong;
 #[path = "samples/far_start.rs"]
 pub mod far_start;
+#[path = "samples/focal_stack.rs"]
+pub mod focal_stack;
 #[path = "samples/material.rs"]
 pub mod material;
 #[path = "samples/pose.rs"]
@@ -67,7 +69,7 @@ macro_rules! sample {
 }
 
 /// All samples, the simplest first.
-pub const SAMPLES: [Sample; 10] = [
+pub const SAMPLES: [Sample; 11] = [
     triangle::SAMPLE,
     cube::SAMPLE,
     pose::SAMPLE,
@@ -75,6 +77,7 @@ pub const SAMPLES: [Sample; 10] = [
     envphong::SAMPLE,
     material::SAMPLE,
     depth_of_field::SAMPLE,
+    focal_stack::SAMPLE,
     far_start::SAMPLE,
     silhouette::SAMPLE,
     camera::SAMPLE,

@@ -28,18 +28,12 @@ impl Scene {
         focus: Var<'t, f32>,
         moves: Var<'t, f32>,
     ) -> Result<Var<'t, f32>, FitError> {
-        let tape = moves.tape();
-        let Boards { shape, places, depths } = &self.boards;
-        let [vertices, depths] = [&shape.vertices, depths].map(|rows| tape.constant(rows));
-        let camera = perspective(0.7, 4.0 / 3.0, 0.1, 50.0);
-        let clip = project(vertices + moves * depths, &camera, None)?;
+        let clip = self.boards.clip(moves)?;
         let options = RasterOptions::new(SIZE).silhouettes(self.silhouettes);
-        let places = tape.constant(places);
-        let fragments = rasterize(clip, &shape.mesh, options.creases(&[places.into()]))?;
-        let places = interpolate(places, &fragments)?;
-        // Stripes along and across, in other ways for each channel.
-        let waves = tape.constant(&Tensor::from([[21.0, 3.0, 14.0], [4.0, 27.0, 17.0]]));
-        let stripes = places.matmul(waves)?.sin() * 0.4 + 0.5;
+        let places = moves.tape().constant(&self.boards.places);
+        let mesh = &self.boards.shape.mesh;
+        let fragments = rasterize(clip, mesh, options.creases(&[places.into()]))?;
+        let stripes = self.boards.stripes(&fragments)?;
         let sharp = fragments.picture(stripes, Background::Zero)?.image()?;
         let distances = eye_depth(&fragments)?.image(&fragments, 50.0)?;
         let lens = Lens { aperture, focus };

@@ -122,6 +122,27 @@ impl Boards {
         let depths = Tensor::from_fn([count, 1], depth);
         Ok(Self { shape: Shape { mesh, vertices: Tensor::from(vertices) }, places, depths })
     }
+
+    /// Clip positions of boards whose corners moved; `moves: [V, 3]` are relative to the distance.
+    ///
+    /// # Errors
+    /// Those of moves of another shape.
+    pub fn clip<'t>(&self, moves: Var<'t, f32>) -> Result<Var<'t, f32>, FitError> {
+        let tape = moves.tape();
+        let [vertices, depths] = [&self.shape.vertices, &self.depths].map(|x| tape.constant(x));
+        let camera = perspective(0.7, 4.0 / 3.0, 0.1, 50.0);
+        Ok(project(vertices + moves * depths, &camera, None)?)
+    }
+
+    /// What fragments show, `[N, 3]`: stripes along and across, in other ways for each channel.
+    ///
+    /// # Errors
+    /// Those of fragments of another mesh.
+    pub fn stripes<'t>(&self, fragments: &Fragments<'t, f32>) -> Result<Var<'t, f32>, FitError> {
+        let tape = fragments.clip.tape();
+        let waves = tape.constant(&Tensor::from([[21.0, 3.0, 14.0], [4.0, 27.0, 17.0]]));
+        Ok(interpolate(tape.constant(&self.places), fragments)?.matmul(waves)?.sin() * 0.4 + 0.5)
+    }
 }
 
 /// A shape with normals and texture coordinates.

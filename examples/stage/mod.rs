@@ -3,6 +3,7 @@
 
 mod globe;
 mod learn;
+mod lens;
 mod measure;
 mod mesh;
 mod outcome;
@@ -13,6 +14,7 @@ mod surface;
 
 pub use globe::{globe, motley, substance};
 pub use learn::learn;
+pub use lens::mean_through_lens;
 pub use measure::{
     VertexDistance, relative_error, root_mean_square, surface_distance, vertex_distance,
 };

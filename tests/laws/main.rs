@@ -6,6 +6,7 @@ mod determinism;
 mod errors;
 mod fits;
 mod golden;
+mod lens;
 mod metamorphic;
 mod prelude;
 mod references;

@@ -28,6 +28,7 @@ mod surfaces;
 mod tensors;
 
 pub mod blends;
+pub mod lens;
 pub mod oracle;
 pub mod scenes;
 pub mod setting;

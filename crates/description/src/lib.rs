@@ -25,10 +25,12 @@ pub use learn::{
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
-pub use numbers::{CircleRadius, Count, Finite, NotNegative, Positive, Share, SurfaceCount};
+pub use numbers::{
+    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, SurfaceCount,
+};
 pub use pipeline::{
-    CullName, EnvironmentEntry, FilterName, KernelName, LensEntry, LightEntry, LightPlace, Opening,
-    PipelineEntry, SilhouettesName, SurfaceModel, Tone,
+    CullName, EnvironmentEntry, FilterName, IrisEntry, KernelName, LensEntry, LightEntry,
+    LightPlace, Opening, PipelineEntry, SilhouettesName, SurfaceModel, Tone,
 };
 pub use views::{
     CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry, ViewLens,

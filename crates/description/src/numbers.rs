@@ -79,6 +79,9 @@ numbers! {
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];
+    /// A whole number from 3 to 16.
+    BladeCount: usize, "a whole number from 3 to 16", |x| (3.0..=16.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 3, "maximum" = 16];
     /// A number from 1 to 1024.
     CircleRadius: f64, "a number from 1 to 1024", |x| (1.0..=1024.0).contains(&x), ["minimum" = 1, "maximum" = 1024];
 }

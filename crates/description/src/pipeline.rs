@@ -6,7 +6,9 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{CircleRadius, Count, Finite, NotNegative, Positive, SurfaceCount};
+use crate::numbers::{
+    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, SurfaceCount,
+};
 
 /// Which operations make a picture. What is absent costs nothing.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -134,6 +136,18 @@ pub struct LensEntry {
     pub surfaces: Option<SurfaceCount>,
     /// The largest radius of a circle of confusion, in pixels; by default 64.
     pub largest_radius: Option<CircleRadius>,
+    /// The form of its opening; by default a disc.
+    pub iris: Option<IrisEntry>,
+}
+
+/// An opening that blades make: a regular polygon, which blurs as far as the disc of its radius.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IrisEntry {
+    /// How many blades.
+    pub blades: BladeCount,
+    /// The direction of a corner, in degrees from the right towards the bottom of the image; by default 0.
+    pub rotation: Option<Finite>,
 }
 
 /// How wide a lens is.
@@ -197,15 +211,17 @@ struct LensKeys {
     surfaces: Option<SurfaceCount>,
     /// The largest radius of a circle of confusion, in pixels; by default 64.
     largest_radius: Option<CircleRadius>,
+    /// The form of its opening; by default a disc.
+    iris: Option<IrisEntry>,
 }
 
 impl TryFrom<LensKeys> for LensEntry {
     type Error = &'static str;
 
     fn try_from(keys: LensKeys) -> Result<Self, &'static str> {
-        let LensKeys { aperture, radius, focus, surfaces, largest_radius } = keys;
+        let LensKeys { aperture, radius, focus, surfaces, largest_radius, iris } = keys;
         match Opening::from_keys(aperture, radius)? {
-            Some(opening) => Ok(Self { opening, focus, surfaces, largest_radius }),
+            Some(opening) => Ok(Self { opening, focus, surfaces, largest_radius, iris }),
             None => Err("a lens has `aperture` or `radius`"),
         }
     }
@@ -213,9 +229,9 @@ impl TryFrom<LensKeys> for LensEntry {
 
 impl From<LensEntry> for LensKeys {
     fn from(entry: LensEntry) -> Self {
-        let LensEntry { opening, focus, surfaces, largest_radius } = entry;
+        let LensEntry { opening, focus, surfaces, largest_radius, iris } = entry;
         let [aperture, radius] = opening.keys();
-        Self { aperture, radius, focus, surfaces, largest_radius }
+        Self { aperture, radius, focus, surfaces, largest_radius, iris }
     }
 }
 

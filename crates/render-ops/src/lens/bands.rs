@@ -14,7 +14,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur::{self, Blur, Part as ImagePart};
+use super::blur::{self, Blur, Channel, Part as ImagePart};
 use super::front_to_back::{Gaps, Sight, common};
 use super::hiding::LinkBar;
 use super::iris::{Iris, Weights};
@@ -89,6 +89,8 @@ pub(super) struct Bench<T: Scalar> {
     /// Per rung: its strip, counted from 1.
     slots: Vec<u32>,
     blur: blur::Memory<T>,
+    wide_blur: blur::Memory<T::Wide>,
+    wide: Vec<T::Wide>,
     sight: Sight<T>,
     /// The gradients of blurred rungs.
     bars: Strips<T>,
@@ -102,6 +104,8 @@ impl<T: Scalar> Default for Bench<T> {
             link_bars: Vec::new(),
             slots: Vec::new(),
             blur: blur::Memory::default(),
+            wide_blur: blur::Memory::default(),
+            wide: Vec::new(),
             sight: Sight::default(),
             bars: Strips::default(),
         }
@@ -250,7 +254,7 @@ impl Blurs {
             own.blurred.clear();
             out.fill(T::ZERO);
             benches.with(|bench| {
-                let Bench { blur: memory, sight, .. } = bench;
+                let Bench { blur: memory, wide_blur: wide_memory, wide, sight, .. } = bench;
                 sight.begin(&part);
                 for rung in 0..self.rungs.count() {
                     let Some([blur, _]) = self.blur(rung, frame.size) else { continue };
@@ -263,14 +267,23 @@ impl Blurs {
                     let strip = own.blurred.push();
                     strip.reset(rung, channels + 1, target.clone());
                     let plane = strip.plane();
-                    for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
-                        blur.apply(source, channel, &target, memory, out);
+                    let (colors, alphas) = strip.values.split_at_mut(channels * plane);
+                    for (channel, out) in colors.chunks_exact_mut(plane).enumerate() {
+                        let convert = |number| number;
+                        let channel = Channel { bands: source, channel, convert };
+                        blur.apply(channel, &target, memory, out);
                     }
+                    // What is opaque stays so, to the last bit: what hides the rest depends on it.
+                    wide.resize(plane, T::Wide::ZERO);
+                    let channel = Channel { bands: source, channel: channels, convert: T::widen };
+                    blur.apply(channel, &target, wide_memory, wide);
+                    alphas.iter_mut().zip(&*wide).for_each(|(to, &from)| *to = T::narrow(from));
                     sight.add(own.blurred.as_slice(), &self.gaps, channels, out);
                 }
                 for (out, &total) in out.chunks_exact_mut(channels).zip(&sight.total) {
                     // The background, where nothing at all is seen.
-                    let scale = if total > T::ZERO { T::ONE / total } else { T::ZERO };
+                    let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
+                    let scale = T::narrow(if total > zero { one / total } else { zero });
                     for (out, &reference) in out.iter_mut().zip(reference) {
                         *out = reference + *out * scale;
                     }
@@ -350,7 +363,8 @@ impl Blurs {
             to.reset(strip.rung, view.channels + 1, place.clone());
             let plane = to.plane();
             for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
-                adjoint.apply_adjoint(bars, channel, &place, &mut bench.blur, out);
+                let channel = Channel { bands: bars, channel, convert: |number| number };
+                adjoint.convolve(channel, &place, &mut bench.blur, out);
             }
             found.slots[strip.rung] = found.at_rungs.as_slice().len() as u32;
         }

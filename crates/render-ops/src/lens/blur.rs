@@ -56,6 +56,15 @@ pub(super) struct Blur<'a> {
     pub(super) weights: &'a Weights,
 }
 
+/// A channel of what rungs hold.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Channel<'a, T, F> {
+    pub(super) bands: Bands<'a, T>,
+    pub(super) channel: usize,
+    /// To the numbers that are summed.
+    pub(super) convert: F,
+}
+
 /// Rows and columns.
 pub(super) type Part = [Range<usize>; 2];
 
@@ -116,28 +125,27 @@ impl Blur<'_> {
         source.strips(self.rung, self.halvings, rows).next().is_none()
     }
 
-    /// Blurs a channel of a rung into a part of the image.
-    pub(super) fn apply<T: Scalar>(
+    /// Blurs a channel of a rung, whose numbers are converted first, into a part of the image.
+    pub(super) fn apply<T: Scalar, S: Scalar>(
         &self,
-        source: Bands<'_, T>,
-        channel: usize,
+        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
         part: &Part,
-        memory: &mut Memory<T>,
-        out: &mut [T],
+        memory: &mut Memory<S>,
+        out: &mut [S],
     ) {
         if self.halvings == 0 {
-            self.convolve(source, channel, part, memory, out);
+            self.convolve(source, part, memory, out);
             return self.divide(part, out);
         }
         let mut small = self.small_part(part);
         let [mut image, mut larger] = std::mem::take(&mut memory.images);
         let pixels = |part: &Part| part[0].len() * part[1].len();
-        image.resize(pixels(&small), T::ZERO);
-        self.convolve(source, channel, &small, memory, &mut image);
+        image.resize(pixels(&small), S::ZERO);
+        self.convolve(source, &small, memory, &mut image);
         self.divide(&small, &mut image);
         for halvings in (1..self.halvings).rev() {
             let next = self.smaller_part(part, halvings);
-            larger.resize(pixels(&next), T::ZERO);
+            larger.resize(pixels(&next), S::ZERO);
             let line = Memory::line(&mut memory.line, small[1].len() + 2);
             let size = halved(self.size, halvings + 1);
             double(&image, &small, size, &next, [line, &mut larger]);
@@ -147,18 +155,6 @@ impl Blur<'_> {
         let line = Memory::line(&mut memory.line, small[1].len() + 2);
         double(&image, &small, halved(self.size, 1), part, [line, out]);
         memory.images = [image, larger];
-    }
-
-    /// `out = K^T source`, of a part at the rung's size; `self` has the weights upside down.
-    pub(super) fn apply_adjoint<T: Scalar>(
-        &self,
-        source: Bands<'_, T>,
-        channel: usize,
-        part: &Part,
-        memory: &mut Memory<T>,
-        out: &mut [T],
-    ) {
-        self.convolve(source, channel, part, memory, out);
     }
 
     /// `out = N D^T .. D^T image`: from a part of the image to [`Blur::small_part`] of it.
@@ -207,32 +203,31 @@ impl Blur<'_> {
     }
 
     /// `out = K source`, of a part at the rung's size.
-    fn convolve<T: Scalar>(
+    pub(super) fn convolve<T: Scalar, S: Scalar>(
         &self,
-        source: Bands<'_, T>,
-        channel: usize,
+        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
         part: &Part,
-        memory: &mut Memory<T>,
-        out: &mut [T],
+        memory: &mut Memory<S>,
+        out: &mut [S],
     ) {
         let [rows, columns] = part;
         let reach = self.weights.reach;
         if reach == 0 {
-            out.fill(T::ZERO);
-            return self.copy(source, channel, part, out);
+            out.fill(S::ZERO);
+            return self.copy(source, part, out);
         }
         for start in columns.clone().step_by(COLUMNS) {
             let strip = start..columns.end.min(start + COLUMNS);
             let stride = strip.len().next_multiple_of(BLOCK) + 2 * reach;
             let Memory { sums, look_ups, .. } = memory;
             sums.clear();
-            sums.resize((rows.len() + 2 * reach + 1) * stride, T::ZERO);
-            let is_empty = !self.add_rows(source, channel, [rows, &strip], stride, sums);
+            sums.resize((rows.len() + 2 * reach + 1) * stride, S::ZERO);
+            let is_empty = !self.add_rows(source, [rows, &strip], stride, sums);
             let width = columns.len();
             let first = start - columns.start;
             if is_empty {
                 for out in out.chunks_exact_mut(width) {
-                    out[first..first + strip.len()].fill(T::ZERO);
+                    out[first..first + strip.len()].fill(S::ZERO);
                 }
                 continue;
             }
@@ -242,12 +237,12 @@ impl Blur<'_> {
                 // The first row of sums stands before the first row of pixels.
                 let row = (look_up.row + reach as isize) as usize + usize::from(is_direct);
                 let column = (look_up.column + reach as isize) as usize;
-                (row * stride + column, T::from_f64(look_up.weight))
+                (row * stride + column, S::from_f64(look_up.weight))
             }));
             let added = if is_direct { 0 } else { rows.len() + 2 * reach };
             let work = Sums { sums, look_ups, stride, added };
             let out = Target { values: out, width, first, length: strip.len() };
-            crate::dispatch::dispatch_256::<T, _>(
+            crate::dispatch::dispatch_256::<S, _>(
                 #[inline(always)]
                 || work.run(out),
             );
@@ -255,18 +250,18 @@ impl Blur<'_> {
     }
 
     /// Adds what a rung holds to rows that the first row of `sums` stands before; whether there is anything.
-    fn add_rows<T: Scalar>(
+    fn add_rows<T: Scalar, S: Scalar>(
         &self,
-        source: Bands<'_, T>,
-        channel: usize,
+        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
         [rows, columns]: [&Range<usize>; 2],
         stride: usize,
-        sums: &mut [T],
+        sums: &mut [S],
     ) -> bool {
         let reach = self.weights.reach;
         let seen = rows.start.saturating_sub(reach)..rows.end + reach;
         let mut is_any = false;
-        for strip in source.strips(self.rung, self.halvings, seen.clone()) {
+        let Channel { bands, channel, convert } = source;
+        for strip in bands.strips(self.rung, self.halvings, seen.clone()) {
             let first = strip.held.start.max(columns.start.saturating_sub(reach));
             let end = strip.held.end.min(columns.end + reach);
             if first >= end {
@@ -277,21 +272,21 @@ impl Blur<'_> {
                 let from = strip.row(channel, row, first..end);
                 let start = (row + reach + 1 - rows.start) * stride + first + reach - columns.start;
                 let to = &mut sums[start..start + from.len()];
-                to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
+                to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
             }
         }
         is_any
     }
 
     /// Adds what a rung holds, where its blur is the identity.
-    fn copy<T: Scalar>(
+    fn copy<T: Scalar, S: Scalar>(
         &self,
-        source: Bands<'_, T>,
-        channel: usize,
+        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
         [rows, columns]: &Part,
-        out: &mut [T],
+        out: &mut [S],
     ) {
-        for strip in source.strips(self.rung, self.halvings, rows.clone()) {
+        let Channel { bands, channel, convert } = source;
+        for strip in bands.strips(self.rung, self.halvings, rows.clone()) {
             let held = strip.held.start.max(columns.start)..strip.held.end.min(columns.end);
             if held.is_empty() {
                 continue;
@@ -300,7 +295,7 @@ impl Blur<'_> {
                 let from = strip.row(channel, row, held.clone());
                 let start = (row - rows.start) * columns.len() + held.start - columns.start;
                 let to = &mut out[start..start + from.len()];
-                to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
+                to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
             }
         }
     }
@@ -448,6 +443,10 @@ mod tests {
         bands
     }
 
+    fn channel(bands: Bands<'_, f64>) -> Channel<'_, f64, impl Fn(f64) -> f64 + Copy> {
+        Channel { bands, channel: 0, convert: |number| number }
+    }
+
     fn dot(a: &[f64], b: &[f64]) -> f64 {
         a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
@@ -474,7 +473,7 @@ mod tests {
             let part = [3..34, 2..44];
             let mut out = vec![f64::NAN; 31 * 42];
             let source = Bands { bands: &source, first: 0 };
-            blur.apply(source, 0, &part, &mut Memory::default(), &mut out);
+            blur.apply(channel(source), &part, &mut Memory::default(), &mut out);
             for (row, column) in [(3, 2), (33, 43), (17, 20), (5, 40)] {
                 // A column's running sums, one change of weight after another; or its pixels.
                 let below = |row: isize, column: isize| -> f64 {
@@ -507,7 +506,7 @@ mod tests {
             let mut out = vec![f64::NAN; SIZE.pixels()];
             let source = Bands { bands: &source, first: 0 };
             let part = [0..SIZE.height, 0..SIZE.width];
-            blur.apply(source, 0, &part, &mut Memory::default(), &mut out);
+            blur.apply(channel(source), &part, &mut Memory::default(), &mut out);
             assert!(out.iter().all(|value| (value - 0.7).abs() < 1e-13), "{halvings}");
         }
     }
@@ -529,7 +528,7 @@ mod tests {
                 let pixels = part[0].len() * part[1].len();
                 let bar: Vec<_> = (0..pixels).map(|k| number(k + 31 * start)).collect();
                 let mut out = vec![f64::NAN; pixels];
-                blur.apply(source, 0, &part, memory, &mut out);
+                blur.apply(channel(source), &part, memory, &mut out);
                 forward += dot(&out, &bar);
                 let small_part = blur.small_part(&part);
                 let mut strips = Strips::default();
@@ -542,7 +541,7 @@ mod tests {
             let turned = Blur { weights: &turned, ..blur };
             let mut image_bar = vec![f64::NAN; small.pixels()];
             let all = [0..small.height, 0..small.width];
-            turned.apply_adjoint(bars, 0, &all, memory, &mut image_bar);
+            turned.convolve(channel(bars), &all, memory, &mut image_bar);
             let backward = dot(&image, &image_bar);
             assert!((forward - backward).abs() < 1e-11, "{halvings}: {forward}, {backward}");
         }

@@ -65,38 +65,38 @@ impl Gaps {
 /// What is left of the lens is rounding, where it is less than so many units in the last place of 1.
 const ROUNDING: f64 = 64.0;
 
-fn rounding<T: Scalar>() -> T {
+fn rounding<T: Scalar>() -> T::Wide {
     // Half of a digit that single numbers lack, or double ones.
     let is_single = T::from_f64(1.0 + 1e-10).to_f64() == 1.0;
     let unit = if is_single { f64::from(f32::EPSILON) } else { f64::EPSILON };
-    T::from_f64(ROUNDING * unit)
+    T::Wide::from_f64(ROUNDING * unit)
 }
 
 /// The lens of each pixel of a part of the picture, while its rungs are put together.
 #[derive(Debug)]
-pub(super) struct Sight<T> {
+pub(super) struct Sight<T: Scalar> {
     part: Part,
     /// `sum v`.
-    pub(super) total: Vec<T>,
+    pub(super) total: Vec<T::Wide>,
     /// `sum v` of the rungs far in front.
-    far: Vec<T>,
+    far: Vec<T::Wide>,
     /// How many of the rungs so far are far in front.
     passed: usize,
     /// For each rung so far its v, and its q as `see` gives it, as its strip lies.
-    seen: Vec<Vec<T>>,
-    shares: Vec<Vec<T>>,
+    seen: Vec<Vec<T::Wide>>,
+    shares: Vec<Vec<T::Wide>>,
     /// F of a row.
-    hidden: Vec<T>,
+    hidden: Vec<T::Wide>,
     /// Backward, `V_bar` and what is taken from all rungs in front; and what is taken from those far in front.
-    total_bar: Vec<T>,
-    far_bar: Vec<T>,
+    total_bar: Vec<T::Wide>,
+    far_bar: Vec<T::Wide>,
     /// For each rung the dot products `o_bar . C_k`, then `v_bar`; and how many rungs are far in front of it.
-    dots: Vec<Vec<T>>,
-    seen_bars: Vec<Vec<T>>,
+    dots: Vec<Vec<T::Wide>>,
+    seen_bars: Vec<Vec<T::Wide>>,
     passed_before: Vec<usize>,
 }
 
-impl<T> Default for Sight<T> {
+impl<T: Scalar> Default for Sight<T> {
     fn default() -> Self {
         Self {
             part: [0..0, 0..0],
@@ -161,10 +161,10 @@ impl<T: Scalar> Sight<T> {
     /// The columns between which something is left of the lens.
     pub(super) fn unfilled(&self) -> Range<usize> {
         let [_, columns] = &self.part;
-        let (width, full) = (columns.len(), T::ONE - rounding::<T>());
+        let (width, full) = (columns.len(), T::Wide::ONE - rounding::<T>());
         let (mut first, mut end) = (width, 0);
         for row in self.total.chunks_exact(width.max(1)) {
-            let is_left = |total: &T| *total < full;
+            let is_left = |total: &T::Wide| *total < full;
             first = row[..first].iter().position(is_left).unwrap_or(first);
             let last = row[end..].iter().rposition(is_left);
             end = last.map_or(end, |last| end + last + 1);
@@ -191,7 +191,7 @@ impl<T: Scalar> Sight<T> {
         }
         let mut own =
             [&mut self.seen, &mut self.shares].map(|list| std::mem::take(&mut list[index]));
-        own.iter_mut().for_each(|list| list.resize(strip.plane(), T::ZERO));
+        own.iter_mut().for_each(|list| list.resize(strip.plane(), T::Wide::ZERO));
         let [own_seen, own_shares] = &mut own;
         let rounding = rounding::<T>();
         let columns = &strip.columns;
@@ -205,7 +205,7 @@ impl<T: Scalar> Sight<T> {
             let alphas = strip.row(channels, row, columns.clone());
             let (total, hidden) = (&mut self.total[range.clone()], &self.hidden[..count]);
             for x in 0..count {
-                let [v, q] = see(alphas[x], hidden[x], total[x], rounding);
+                let [v, q] = see(alphas[x].widen(), hidden[x], total[x], rounding);
                 (seen[x], shares[x]) = (v, q);
                 total[x] += v;
             }
@@ -216,7 +216,7 @@ impl<T: Scalar> Sight<T> {
             for channel in 0..channels {
                 let colors = strip.row(channel, row, columns.clone());
                 for x in 0..count {
-                    out[x * channels + channel] += size(shares[x]) * colors[x];
+                    out[x * channels + channel] += T::narrow(size(shares[x])) * colors[x];
                 }
             }
         }
@@ -256,7 +256,7 @@ impl<T: Scalar> Sight<T> {
             if gap <= 0.0 || common.is_empty() {
                 continue;
             }
-            let gap = T::from_f64(gap);
+            let gap = T::Wide::from_f64(gap);
             let seen = &seen[other.offset(row, common.start)..][..common.len()];
             let hidden = &mut self.hidden[common.start - columns.start..][..common.len()];
             for x in 0..hidden.len() {
@@ -280,10 +280,11 @@ impl<T: Scalar> Sight<T> {
                 for ((&alpha, &hidden), &total) in
                     alphas.iter().zip(&sight.hidden).zip(&total[range])
                 {
-                    let (through, left) = (T::ONE - hidden, T::ONE - total);
-                    let is_seen = through > T::ZERO && left > rounding::<T>();
+                    let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
+                    let (through, left) = (one - hidden, one - total);
+                    let is_seen = through > zero && left > rounding::<T>();
                     // Where both arguments are equal rounding decides, and the slopes are equal, too.
-                    let is_cut = alpha * through - left > rounding::<T>();
+                    let is_cut = alpha.widen() * through - left > rounding::<T>();
                     let place = u64::from(is_seen) + 2 * u64::from(is_cut) + 5 * strip.rung as u64;
                     piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
                 }
@@ -328,7 +329,7 @@ impl<T: Scalar> Sight<T> {
             self.dot(&strips[index], index, channels, out_bar);
         }
         for (bar, &total) in self.total_bar.iter_mut().zip(&self.total) {
-            *bar = if total > T::ZERO { *bar / (total * total) } else { T::ZERO };
+            *bar = if total > T::Wide::ZERO { *bar / (total * total) } else { T::Wide::ZERO };
         }
         for index in (0..strips.len()).rev() {
             self.pull_back_strip(strips, index, gaps, out_bar, &mut bars[index]);
@@ -351,7 +352,7 @@ impl<T: Scalar> Sight<T> {
             for channel in 0..channels {
                 let colors = strip.row(channel, row, columns.clone());
                 for x in 0..count {
-                    dots[x] += out_bar[x * channels + channel] * colors[x];
+                    dots[x] += out_bar[x * channels + channel].widen() * colors[x].widen();
                 }
             }
             let shares = &self.shares[index][start..start + count];
@@ -381,7 +382,7 @@ impl<T: Scalar> Sight<T> {
             let start = strip.offset(row, columns.start);
             let ends = start..start + count;
             self.hidden.clear();
-            self.hidden.resize(count, T::ZERO);
+            self.hidden.resize(count, T::Wide::ZERO);
             // F_bar, which is 0 where F does not decide.
             let hidden_bar = &mut self.hidden[..count];
             let [dots, shares, seen_bars] =
@@ -390,27 +391,28 @@ impl<T: Scalar> Sight<T> {
             let total_bar = &mut self.total_bar[range.clone()];
             let alphas = strip.row(channels, row, columns.clone());
             let alpha_bar = bar.row_mut(channels, row, columns.clone());
+            let zero = T::Wide::ZERO;
             for x in 0..count {
-                let (q, alpha) = (size(shares[x]), alphas[x]);
-                let is_left = shares[x] < T::ZERO;
-                let is_seen = q > T::ZERO;
+                let (q, alpha) = (size(shares[x]), alphas[x].widen());
+                let is_left = shares[x] < zero;
+                let is_seen = q > zero;
                 let q_bar = dots[x] / total[x];
                 let v_bar = total_bar[x] + seen_bars[x];
                 let by_alpha = q_bar / alpha;
-                let taken = if is_left { v_bar + by_alpha } else { T::ZERO };
+                let taken = if is_left { v_bar + by_alpha } else { zero };
                 let bar = if is_left { -(q * by_alpha) } else { q * v_bar };
-                let hidden = if is_left { T::ZERO } else { -q_bar - alpha * v_bar };
-                alpha_bar[x] = if is_seen { bar } else { T::ZERO };
-                hidden_bar[x] = if is_seen { hidden } else { T::ZERO };
-                total_bar[x] -= if is_seen { taken } else { T::ZERO };
+                let hidden = if is_left { zero } else { -q_bar - alpha * v_bar };
+                alpha_bar[x] = T::narrow(if is_seen { bar } else { zero });
+                hidden_bar[x] = if is_seen { hidden } else { zero };
+                total_bar[x] -= if is_seen { taken } else { zero };
             }
             let out_bar = &out_bar[range.start * channels..range.end * channels];
             for channel in 0..channels {
                 let color_bar = bar.row_mut(channel, row, columns.clone());
                 for x in 0..count {
                     let q = size(shares[x]);
-                    let share = if q > T::ZERO { q / total[x] } else { T::ZERO };
-                    color_bar[x] = share * out_bar[x * channels + channel];
+                    let share = if q > zero { q / total[x] } else { zero };
+                    color_bar[x] = T::narrow(share * out_bar[x * channels + channel].widen());
                 }
             }
             self.pull_back_hiding(before, gaps, strip, row);
@@ -433,7 +435,7 @@ impl<T: Scalar> Sight<T> {
             if gap <= 0.0 || common.is_empty() {
                 continue;
             }
-            let gap = T::from_f64(gap);
+            let gap = T::Wide::from_f64(gap);
             let bars = &mut bars[other.offset(row, common.start)..][..common.len()];
             let hidden_bar = &self.hidden[common.start - columns.start..][..common.len()];
             for x in 0..bars.len() {

@@ -1,10 +1,12 @@
 //! A view's lens: how far beside the image it sees, and what it makes of surfaces one behind another.
 
+use std::f64::consts::TAU;
+
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Fragments, LensLayer, RenderError, Size, ThinLens, ThinLensOptions, eye_depth,
-    lens_picture,
+    Background, Fragments, Iris, LensLayer, RenderError, Size, ThinLens, ThinLensOptions,
+    eye_depth, lens_picture,
 };
 
 use super::margin::{Surroundings, margin};
@@ -58,7 +60,11 @@ impl<'t> StepLens<'t> {
         }
         let usual = ThinLensOptions::default();
         let largest = entry.largest_radius.map_or(usual.largest_radius, |largest| largest.0);
-        let options = ThinLensOptions { largest_radius: largest * share, ..usual };
+        let iris = entry.iris.map_or(usual.iris, |iris| Iris::Polygon {
+            blades: iris.blades.0,
+            rotation: iris.rotation.map_or(0.0, |degrees| degrees.0.to_radians()),
+        });
+        let options = ThinLensOptions { largest_radius: largest * share, iris, ..usual };
         let surfaces = entry.surfaces.map_or(SURFACES, |count| count.0);
         Ok(Some(Self { lens, options, surfaces }))
     }
@@ -75,11 +81,16 @@ impl<'t> StepLens<'t> {
         let ThinLens { aperture, focus } = self.lens;
         let [aperture, focus] = [aperture, focus].map(|number| f64::from(number.item()));
         let largest = self.options.largest_radius;
-        let distances = Surroundings::new(size, largest, near).distances(clip, faces);
+        // From the middle of a polygon to its corners, in radii of the disc that blurs as far.
+        let corner = match self.options.iris {
+            Iris::Polygon { blades, .. } => (3.0 / (2.0 + (TAU / blades as f64).cos())).sqrt(),
+            _ => 1.0,
+        };
+        let distances = Surroundings::new(size, corner * largest, near).distances(clip, faces);
         // Circles grow from the focus towards both ends.
         let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs().min(largest);
         self.options.margin =
-            distances.map_or(0, |[least, most]| margin(radius(least).max(radius(most))));
+            distances.map_or(0, |[least, most]| margin(corner * radius(least).max(radius(most))));
         self
     }
 

@@ -47,7 +47,7 @@ fn load(folder: &Path, text: &str) -> Scene {
     Scene::load(&file).unwrap()
 }
 
-fn fitted(scene: Scene) -> SceneFit {
+pub(crate) fn fitted(scene: Scene) -> SceneFit {
     let mut fit = SceneFit::new(scene).unwrap();
     while let Some(step) = fit.step().unwrap() {
         if step.step % 50 == 0 {

@@ -156,6 +156,40 @@ fn a_lens_that_is_closed_costs_nothing() {
     assert_ne!(image("[pipeline]\nlens = { radius = 0.2, focus = 2 }\n"), plain);
 }
 
+/// A speck in front of the focus has the form of the iris, and behind it that of the iris upside down.
+#[test]
+fn a_speck_out_of_focus_has_the_form_of_the_iris() {
+    let folder = tempfile::tempdir().unwrap();
+    let reach = |aperture: f64, focus: f64, iris: &str| {
+        let text = format!(
+            "[[meshes]]\nshape = \"plane\"\nplace = {{ scale = 0.02 }}\n\
+             [[views]]\nname = \"v\"\ncamera = {{ size = [81, 81], focal = 80, position = [0, 0, 4] }}\n\
+             [pipeline]\ntone = \"linear\"\nlens = {{ aperture = {aperture:?}, focus = {focus:?}{iris} }}\n"
+        );
+        let image = drawn(load(folder.path(), &text));
+        // How far light goes from the middle: to the left, the right, the top, the bottom.
+        [(0, -1), (0, 1), (-1, 0), (1, 0)].map(|(down, right): (isize, isize)| {
+            let lit = |k: &isize| {
+                let [row, column] = [40 + k * down, 40 + k * right].map(|at| at as usize);
+                image.data()[3 * (81 * row + column)] > 4e-4
+            };
+            (0..40).take_while(lit).count()
+        })
+    };
+    let disc = reach(20.0, 2.0, "");
+    assert!(disc.iter().all(|&reach| (9..=12).contains(&reach)), "{disc:?}");
+    // A triangle with the variance of the disc reaches sqrt 2 of its radius at corners, and half of that at sides.
+    let is_corner =
+        |corner: usize, side: usize| (12..=16).contains(&corner) && (6..=9).contains(&side);
+    let turned = ", iris = { blades = 3, rotation = 90 }";
+    let [left, right, ..] = reach(10.0, 8.0, ", iris = { blades = 3 }");
+    assert!(is_corner(right, left), "{left} {right}");
+    let [.., top, bottom] = reach(10.0, 8.0, turned);
+    assert!(is_corner(bottom, top), "{top} {bottom}");
+    let [.., top, bottom] = reach(20.0, 2.0, turned);
+    assert!(is_corner(top, bottom), "{top} {bottom}");
+}
+
 #[test]
 fn what_a_lens_can_not_draw_or_learn_is_refused() {
     let folder = tempfile::tempdir().unwrap();

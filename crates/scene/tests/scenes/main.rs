@@ -11,4 +11,5 @@ mod metamorphic;
 mod ranks;
 mod rays;
 mod resuming;
+mod stack;
 mod stages;

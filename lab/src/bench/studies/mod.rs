@@ -2,6 +2,7 @@
 
 mod blur;
 mod fits;
+mod lens;
 mod masks;
 mod meshes;
 mod nodes;
@@ -28,7 +29,7 @@ pub(super) struct Study {
 pub const MESHES: &str = "meshes";
 
 /// Every study, in the order of the report.
-pub(super) const ALL: [Study; 10] = [
+pub(super) const ALL: [Study; 13] = [
     Study { name: "scenes", tables: &["scenes", "scene_samples"], run: scenes::study },
     Study {
         name: MESHES,
@@ -48,6 +49,9 @@ pub(super) const ALL: [Study; 10] = [
         run: photographs::study,
     },
     Study { name: "blur", tables: &["blur_targets", "blur_libraries", "blur"], run: blur::study },
+    Study { name: "lens", tables: &["lens", "lens_random", "lens_others"], run: lens::study },
+    Study { name: "lens_fits", tables: &["lens_fits"], run: lens::fits },
+    Study { name: "lens_times", tables: &["lens_times"], run: lens::times },
     Study { name: "operations", tables: &["operations"], run: operations::study },
     Study { name: "surfaces", tables: &["surfaces", "views"], run: surfaces::study },
     Study { name: "nodes", tables: &["nodes"], run: nodes::study },

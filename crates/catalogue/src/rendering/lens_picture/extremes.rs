@@ -149,12 +149,12 @@ fn one_surface<T: Scalar>() -> Outcome {
     let mut error = 0.0_f64;
     for z in [0.5, 1.0, 1.9, 2.0, 2.1, 7.0, f64::INFINITY] {
         let tape = Tape::<T>::new();
-        let size = Size { width: 19, height: 17 };
+        let size = Size { width: 49, height: 47 };
         // Light in the middle, from where no circle reaches the border.
         let view = LensView::new(&tape, size, 3.0, |_, _| z, |_| 1.0)?;
         let spot = tensor(&[size.pixels(), 2], |k| {
             let [row, column] = [k / 2 / size.width, k / 2 % size.width];
-            let is_near = row.abs_diff(8) < 4 && column.abs_diff(9) < 4;
+            let is_near = row.abs_diff(23) < 4 && column.abs_diff(24) < 4;
             if is_near { motley(k) } else { 0.0 }
         });
         let spot = tape.constant(&spot);

@@ -1,0 +1,12 @@
+//! Scenes out of focus, and what a lens sees of them: the mean of pinhole pictures through its points, which is
+//! the truth, `lens_picture`, and `depth_of_field`.
+
+mod named;
+mod scene;
+mod truth;
+mod ways;
+
+pub use named::{Named, named};
+pub use scene::{FAR, Frame, LensScene, SKY, UNIT};
+pub use truth::{mean_through, point, through};
+pub use ways::{distances, draw, gather};

@@ -1,0 +1,69 @@
+//! What a lens sees, from one view: with what is hidden, and without it.
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{
+    Background, Lens, LensLayer, LensOptions, LensPicture, RenderError, Sampling, ThinLens,
+    ThinLensOptions, depth_layers, depth_of_field, eye_depth, lens_picture, rasterize,
+};
+
+use super::scene::{FAR, Frame, LensScene, look, sky};
+use super::truth::pinhole;
+
+/// What `lens_picture` makes of clip positions in a picture with its margin.
+///
+/// # Errors
+/// What the operations refuse.
+pub fn draw<'t, T: Scalar>(
+    scene: &LensScene,
+    frame: Frame,
+    clip: Var<'t, T>,
+    lens: ThinLens<'t, T>,
+) -> Result<LensPicture<'t, T>, RenderError> {
+    let tape = clip.tape();
+    let (mesh, attributes) = (scene.mesh()?, scene.attributes(tape));
+    let options = scene.exact(frame.size());
+    let visible = rasterize(clip, &mesh, options.creases(&[attributes.into()]))?;
+    let hidden = depth_layers(clip, &mesh, options.sampling(Sampling::Center), Some(3))?;
+    let layer = |fragments| -> Result<_, RenderError> {
+        let [colors, alpha, distance] = look(attributes, fragments)?;
+        let premultiplied = colors * alpha.reshape([fragments.coverage.count(), 1])?;
+        Ok(LensLayer { fragments, premultiplied, alpha, distance })
+    };
+    let behind = hidden.iter().map(layer).collect::<Result<Vec<_>, _>>()?;
+    let options = ThinLensOptions { margin: frame.margin, ..ThinLensOptions::default() };
+    lens_picture(layer(&visible)?, &behind, Background::Color(sky(tape)), FAR, lens, &options)
+}
+
+/// What `depth_of_field` makes of them, the margin cut off.
+///
+/// # Errors
+/// What the operations refuse.
+pub fn gather<'t, T: Scalar>(
+    scene: &LensScene,
+    frame: Frame,
+    clip: Var<'t, T>,
+    lens: ThinLens<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    let image = pinhole(scene, frame, clip)?;
+    let attributes = scene.attributes(clip.tape());
+    let options = scene.exact(frame.size());
+    let visible = rasterize(clip, &scene.mesh()?, options.creases(&[attributes.into()]))?;
+    let depth = eye_depth(&visible)?.image(&visible, FAR)?;
+    // A disc of radius K has the standard deviation K / 2 along each axis.
+    let lens = Lens { aperture: lens.aperture * T::from_f64(0.5), focus: lens.focus };
+    let image = depth_of_field(image, depth, lens, &LensOptions::default())?.image;
+    let inner = frame.margin..frame.margin + frame.pixels;
+    Ok(image.slice(0, inner.clone())?.slice(1, inner)?)
+}
+
+/// How far away what a pinhole sees at pixel centres is: `[H, W]`.
+///
+/// # Errors
+/// What the operations refuse.
+pub fn distances(scene: &LensScene, frame: Frame) -> Result<Tensor<f64>, RenderError> {
+    let tape = Tape::new();
+    let clip = tape.constant(&scene.clip(frame));
+    let options = scene.exact(frame.size()).sampling(Sampling::Center);
+    let fragments = rasterize(clip, &scene.mesh()?, options)?;
+    Ok(eye_depth(&fragments)?.image(&fragments, FAR)?.distances().value())
+}
