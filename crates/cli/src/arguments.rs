@@ -266,7 +266,7 @@ pub(crate) struct SamplesArguments {
     /// The first seed
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) first_seed: u64,
-    /// Silhouettes [default: exact for cube and depth-of-field, antialias for the others]
+    /// Silhouettes [default: exact for cube, depth-of-field and focal-stack, antialias for the others]
     #[arg(long, value_name = "WORD", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
     pub(crate) silhouettes: Option<Silhouettes>,
     /// Most updates per fit, to see that all of it runs [default: what each sample needs]

@@ -140,6 +140,13 @@ pub struct LensEntry {
     pub iris: Option<IrisEntry>,
 }
 
+impl LensEntry {
+    /// How many hidden surfaces are drawn.
+    pub fn surface_count(&self) -> usize {
+        self.surfaces.map_or(2, |count| count.0)
+    }
+}
+
 /// An opening that blades make: a regular polygon, which blurs as far as the disc of its radius.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -149,7 +149,7 @@ impl Scene {
                 return Err(SceneError::TooLarge { location, what, most: MOST_SAMPLES, found });
             }
         }
-        check_views(&source.folder, &views, OF_DRAWN_PIXEL)?;
+        check_views(&source.folder, &views, &description, OF_DRAWN_PIXEL)?;
         notes.extend(one_lens(&description, &views));
         check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
         check_names("a view", views.iter().map(|view| &view.name), path)?;
@@ -198,15 +198,19 @@ impl Scene {
     }
 }
 
-/// Checks that there is memory for the largest of these views, of whose pixels each takes so many bytes.
+/// Checks that there is memory for the largest of these views, of whose pixels each takes so many bytes. Behind a lens
+/// each hidden surface takes as many, and all blurs together: measured, four times as many for two surfaces.
 ///
 /// # Errors
 /// [`SceneError::Memory`] at the view's image, or the folder where it has none.
 pub(crate) fn check_views(
     folder: &Folder,
     views: &[SceneView],
+    description: &Description,
     of_pixel: u64,
 ) -> Result<(), SceneError> {
+    let lens = description.pipeline.lens;
+    let of_pixel = of_pixel * lens.map_or(1, |lens| 2 + lens.surface_count() as u64);
     let pixels = |view: &SceneView| view.camera.size.width as u64 * view.camera.size.height as u64;
     let Some(largest) = views.iter().max_by_key(|view| pixels(view)) else { return Ok(()) };
     let path = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));

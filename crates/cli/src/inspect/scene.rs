@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::description::{Description, Stage};
+use bokashi_scene::description::{Description, Stage, ViewLens};
 use bokashi_scene::{
     LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceMaterial, learnt_keys,
     lens_note,
@@ -41,6 +41,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
         let side = texels.shape()[1];
         whole.fact("environment", format!("6 x {side} x {side} texels"), side);
     }
+    add_lens(&mut whole, &scene);
     whole.plain("seed", description.seed);
     let (center, radius) = scene.ball();
     let text = format!("around {}, radius {}", numbers(center.to_array()), number(radius));
@@ -76,6 +77,19 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     inspect_views(&mut findings, &scene);
     inspect_fit(&mut findings, scene);
     Ok(findings)
+}
+
+/// Adds the numbers of the lens that views share.
+fn add_lens(section: &mut Section, scene: &Scene) {
+    if let Some(lens) = scene.description.pipeline.lens {
+        let (key, opening, focus) = (lens.opening.key(), lens.opening.number(), lens.focus.0);
+        let own = scene.views.iter().filter(|view| view.lens != ViewLens::default()).count();
+        let mut text = format!("{key} {}, focus {}", number(opening), number(focus));
+        if own > 0 {
+            text += &format!("; {} with numbers of their own", count(own, "view"));
+        }
+        section.fact("lens", text, json!({ key: opening, "focus": focus, "views": own }));
+    }
 }
 
 /// The images that a scene's file names beside its views: textures, normal maps, the environment.

@@ -129,7 +129,7 @@ impl SceneFit {
         saved_fit: Option<&[u8]>,
         ranks: Ranks<f32>,
     ) -> Result<Self, SceneError> {
-        check_views(&scene.folder, &scene.views, OF_FITTED_PIXEL)?;
+        check_views(&scene.folder, &scene.views, &scene.description, OF_FITTED_PIXEL)?;
         let learnt_from = views_to_learn_from(&scene)?;
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
         let Learnt { parameters, rates, regularizers, preconditioners } =

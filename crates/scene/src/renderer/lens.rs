@@ -15,9 +15,6 @@ use crate::description::LensNumber;
 use crate::learnables::{Recorded, Values};
 use crate::scene::Scene;
 
-/// The hidden surfaces that are drawn where a scene does not say.
-const SURFACES: usize = 2;
-
 /// A lens in a step, at one size of its image.
 #[derive(Clone, Copy)]
 pub(super) struct StepLens<'t> {
@@ -65,8 +62,7 @@ impl<'t> StepLens<'t> {
             rotation: iris.rotation.map_or(0.0, |degrees| degrees.0.to_radians()),
         });
         let options = ThinLensOptions { largest_radius: largest * share, iris, ..usual };
-        let surfaces = entry.surfaces.map_or(SURFACES, |count| count.0);
-        Ok(Some(Self { lens, options, surfaces }))
+        Ok(Some(Self { lens, options, surfaces: entry.surface_count() }))
     }
 
     /// The lens with the margin that it needs around an image of `size`: what these faces in clip space have
