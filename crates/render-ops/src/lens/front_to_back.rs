@@ -3,9 +3,10 @@
 //! # Forward
 //! Rung k, from the nearest on, has at a pixel the blurred colours `C_k` and the blurred alpha `A_k`. With g of
 //! `hiding`, `F_k = sum_(m < k - 1) g(rho_m, rho_k) v_m` is what hides it, and
-//! `v_k = min(A_k (1 - F_k), 1 - sum_(m < k) v_m)` what is seen of it, as long as something is left of
-//! both. With `q_k = v_k / A_k`, which is `1 - F_k` where A is 0, the picture is `o = sum_k q_k C_k / V`,
-//! `V = sum_k v_k`.
+//! `v_k = min(A_k h(1 - F_k), 1 - sum_(m < k) v_m)` what is seen of it, as long as something is left of both. With
+//! `q_k = v_k / A_k`, which is `h(1 - F_k)` where A is 0, the picture is `o = sum_k q_k C_k / V`, `V = sum_k v_k`.
+//! What is nearly hidden is hidden, `h(u) = u^2 (1 + e) / (u + e)` with e = 0.01: along a slope the alphas of its
+//! rungs add up to 1 but for a few hundredths, and the rest would leak.
 //!
 //! Rungs near each other add up: they are one surface, cut into rungs. Rungs apart lie over one another: what
 //! they cover of the lens is independent.
@@ -17,7 +18,8 @@
 //! # Backward
 //! With `b = o_bar / V` and `V_bar = -o . b`, from the last rung to the first, with `q_bar = b . C_k` and
 //! `v_bar = V_bar` and what later rungs have added: `C_bar_k = q_k b`. Where the first argument of min was
-//! taken, q is `1 - F_k`: `A_bar_k = (1 - F_k) v_bar`, `F_bar = -q_bar - A_k v_bar`, and `v_bar_m += g F_bar`.
+//! taken, q is `h(u)`, `u = 1 - F_k`: `A_bar_k = q v_bar`, `F_bar = -(q_bar + A_k v_bar) h'(u)`, and
+//! `v_bar_m += g F_bar`. `h' = (1 + e) u (u + 2 e) / (u + e)^2`, with u the root of `h(u) = q`.
 //! Where the second was: `v_bar += q_bar / A_k`, `A_bar_k = -q_bar q_k / A_k`, and `v_bar_m -= v_bar` for all
 //! `m < k`. Where nothing is seen: nothing.
 //!
@@ -124,14 +126,35 @@ fn zeros<T: Scalar>(list: &mut Vec<T>, length: usize) {
 /// How much is seen of a rung at a pixel, v, and its share, q, below 0 where what is left decides.
 #[inline(always)]
 fn see<T: Scalar>(alpha: T, hidden: T, total: T, rounding: T) -> [T; 2] {
-    let (through, left) = (T::ONE - hidden, T::ONE - total);
+    let (unhidden, left) = (T::ONE - hidden, T::ONE - total);
+    let through = through(unhidden);
     let wanted = alpha * through;
     // What adds light and hides nothing has an alpha of 0.
-    let is_seen = through > T::ZERO && left > rounding;
+    let is_seen = unhidden > T::ZERO && left > rounding;
     let is_hidden = wanted <= left;
     let seen = if is_hidden { wanted } else { left };
     let share = if is_hidden { through } else { -(left / alpha) };
     if is_seen { [seen, share] } else { [T::ZERO; 2] }
+}
+
+/// e.
+const LEAK: f64 = 0.01;
+
+/// `h(u)`, for u above 0.
+#[inline(always)]
+fn through<T: Scalar>(unhidden: T) -> T {
+    let leak = T::from_f64(LEAK);
+    unhidden * unhidden * (T::ONE + leak) / (unhidden + leak)
+}
+
+/// `h'(u)` where `h(u)` is `through`.
+#[inline(always)]
+fn through_slope<T: Scalar>(through: T) -> T {
+    let (leak, scale) = (T::from_f64(LEAK), T::from_f64(1.0 + LEAK));
+    let root = (through * (through + T::from_f64(4.0) * scale * leak)).sqrt();
+    let unhidden = T::from_f64(0.5) * (through + root) / scale;
+    let sum = unhidden + leak;
+    scale * unhidden * (sum + leak) / (sum * sum)
 }
 
 #[inline(always)]
@@ -281,10 +304,10 @@ impl<T: Scalar> Sight<T> {
                     alphas.iter().zip(&sight.hidden).zip(&total[range])
                 {
                     let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
-                    let (through, left) = (one - hidden, one - total);
-                    let is_seen = through > zero && left > rounding::<T>();
+                    let (unhidden, left) = (one - hidden, one - total);
+                    let is_seen = unhidden > zero && left > rounding::<T>();
                     // Where both arguments are equal rounding decides, and the slopes are equal, too.
-                    let is_cut = alpha.widen() * through - left > rounding::<T>();
+                    let is_cut = alpha.widen() * through(unhidden) - left > rounding::<T>();
                     let place = u64::from(is_seen) + 2 * u64::from(is_cut) + 5 * strip.rung as u64;
                     piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
                 }
@@ -401,7 +424,8 @@ impl<T: Scalar> Sight<T> {
                 let by_alpha = q_bar / alpha;
                 let taken = if is_left { v_bar + by_alpha } else { zero };
                 let bar = if is_left { -(q * by_alpha) } else { q * v_bar };
-                let hidden = if is_left { zero } else { -q_bar - alpha * v_bar };
+                let by_hidden = -(q_bar + alpha * v_bar) * through_slope(q);
+                let hidden = if is_left { zero } else { by_hidden };
                 alpha_bar[x] = T::narrow(if is_seen { bar } else { zero });
                 hidden_bar[x] = if is_seen { hidden } else { zero };
                 total_bar[x] -= if is_seen { taken } else { zero };
@@ -504,7 +528,8 @@ mod tests {
         let (rungs, gaps) = rungs();
         let last = rungs.count() - 1;
         let (over, _) = picture(&[(0, 0.3 * 0.9, 0.3), (last, 0.2, 1.0)], &gaps);
-        assert!((over - (0.27 + 0.7 * 0.2)).abs() < 1e-15);
+        let q = 0.49 * 1.01 / 0.71;
+        assert!((over - (0.27 + q * 0.2) / (0.3 + q)).abs() < 1e-15);
         let (added, _) = picture(&[(4, 0.3 * 0.9, 0.3), (5, 0.7 * 0.2, 0.7)], &gaps);
         assert!((added - (0.27 + 0.14)).abs() < 1e-15);
         // What is more than the whole lens is cut.

@@ -17,8 +17,8 @@
 //! # Memory
 //! A band of 16 rows holds each rung that something in it lies on, over the image's width, and each blurred rung
 //! that is seen in it, over the columns where the lens is not yet full. So a picture of two planes holds four
-//! rungs, and a floor holds little more than two, cut at other rows. Rungs of 8 pixels and more are blurred at half
-//! the size, those of 16 and more at a quarter, and so on to a sixteenth. A backward pass holds the gradients of
+//! rungs, and a floor holds little more than two, cut at other rows. Rungs of 12 pixels and more are blurred at half
+//! the size, those of 24 and more at a quarter, and so on to a sixteenth. A backward pass holds the gradients of
 //! blurred rungs at their own sizes, and those of fragments by pixel.
 //!
 //! # Limits
