@@ -36,7 +36,7 @@
 //! rendering, equations (1) to (5): the unnormalized kernel. Image libraries use the sampled
 //! kernel.
 
-pub(crate) mod disc;
+mod disc;
 mod of_picture;
 pub use self::of_picture::Blurred;
 mod rational;

@@ -9,60 +9,19 @@
 //! of alpha a, and with the share p of the pixel has with `B = (1 - t) E_k + t E_(k+1)`:
 //! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`.
 
-use std::ops::Range;
-
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur::{self, Blur, Channel, Part as ImagePart};
-use super::front_to_back::{Gaps, Sight, common};
+use super::blur::{self, Channel};
+use super::blurs::Blurs;
+use super::frame::Frame;
+use super::front_to_back::{Sight, common};
 use super::hiding::LinkBar;
-use super::iris::{Iris, Weights};
 use super::pixel_bars::BandBars;
-use super::rungs::Rungs;
 use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, View};
 use crate::scratch::Workbench;
 use crate::size::Size;
-
-/// The part of the image that is shown: without the margin.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Frame {
-    pub(super) size: Size,
-    pub(super) margin: usize,
-}
-
-impl Frame {
-    pub(super) fn rows(&self, band: usize) -> Range<usize> {
-        band * ROWS..((band + 1) * ROWS).min(self.size.height)
-    }
-
-    /// The rows and columns that band `band` of what is shown has.
-    fn shown(&self, band: usize) -> ImagePart {
-        let Size { width, height } = self.size;
-        let start = self.margin + band * ROWS;
-        [start..(start + ROWS).min(height - self.margin), self.margin..width - self.margin]
-    }
-
-    /// The size without the margin.
-    pub(super) fn shown_size(&self) -> Size {
-        let Size { width, height } = self.size;
-        Size { width: width - 2 * self.margin, height: height - 2 * self.margin }
-    }
-
-    /// The share that a pixel has of a pixel of the image that is halved so often: a mean of those that there are.
-    #[inline(always)]
-    pub(super) fn mean_weight(&self, halvings: usize, [row, column]: [usize; 2]) -> f64 {
-        if halvings == 0 {
-            return 1.0;
-        }
-        let count = |index: usize, extent: usize| {
-            let first = index >> halvings << halvings;
-            ((first + (1 << halvings)).min(extent) - first) as f64
-        };
-        (count(row, self.size.height) * count(column, self.size.width)).recip()
-    }
-}
 
 /// What is found in a band of the image beside what its surfaces put on rungs.
 #[derive(Debug, Default, Clone, Copy)]
@@ -116,49 +75,6 @@ fn add_piece(sum: &mut u64, piece: u64) {
     *sum = (*sum ^ piece).wrapping_mul(0x0100_0000_01b3);
 }
 
-/// Shares the surfaces among the rungs.
-pub(super) fn fill_rungs<T: Scalar>(
-    view: &View<'_, T>,
-    frame: Frame,
-    halvings: &[usize],
-    bands: &mut [Strips<T>],
-    told: &mut [Told],
-    benches: &Workbench<Bench<T>>,
-) {
-    for_each_two_pieces_mut(bands, told, [1, 1], |band, strips, told| {
-        let (strips, told) = (&mut strips[0], &mut told[0]);
-        strips.clear();
-        *told = Told::default();
-        let Told { piece, fault } = told;
-        benches.with(|bench| {
-            let Bench { row, parts, slots, .. } = bench;
-            slots.clear();
-            slots.resize(view.rungs.count(), 0);
-            let rows = frame.rows(band);
-            *fault = view.for_each_pixel(rows.clone(), row, parts, |place, parts| {
-                add_piece(piece, parts.piece);
-                for part in &parts.parts {
-                    for (rung, weight) in rungs_of(part).into_iter().flatten() {
-                        if slots[rung] == 0 {
-                            let halvings = halvings[rung];
-                            let size = halved(frame.size, halvings);
-                            let rows = rows.start >> halvings..rows.end.div_ceil(1 << halvings);
-                            let strip = strips.push();
-                            strip.reset(rung, view.channels + 1, [rows, 0..size.width]);
-                            strip.values.fill(T::ZERO);
-                            strip.held = 0..0;
-                            slots[rung] = strips.as_slice().len() as u32;
-                        }
-                        let strip = &mut strips.as_mut_slice()[slots[rung] as usize - 1];
-                        add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
-                    }
-                }
-            });
-            strips.as_mut_slice().sort_unstable_by_key(|strip| strip.rung);
-        });
-    });
-}
-
 /// Adds to a rung a share of what a pixel shows: its difference to the reference of the same alpha; and the alpha.
 #[inline]
 fn add_to_rung<T: Scalar>(
@@ -183,70 +99,69 @@ fn add_to_rung<T: Scalar>(
     strip.values[offset] += weight * alpha;
 }
 
-/// The rungs that a part lies on, with its weights.
-#[inline]
-pub(super) fn rungs_of<S: Scalar>(part: &Part<S>) -> [Option<(usize, S)>; 2] {
-    let position = part.position;
-    let own = (position.rung, S::ONE - position.next);
-    let next = (position.rung + 1, position.next);
-    // In focus there is no slope, either.
-    [Some(own), (part.radius != S::ZERO).then_some(next)]
+/// The passes, and memory for them.
+#[derive(Debug)]
+pub(super) struct Passes<'a, T: Scalar> {
+    pub(super) blurs: &'a Blurs,
+    pub(super) frame: Frame,
+    pub(super) benches: &'a Workbench<Bench<T>>,
 }
 
-/// The blurs of all rungs.
-#[derive(Debug, Default)]
-pub(super) struct Blurs {
-    pub(super) rungs: Rungs,
-    pub(super) gaps: Gaps,
-    iris: Iris,
-    /// Per rung: how often its image is halved, and the weights of the iris, also upside down, once they are used.
-    pub(super) halvings: Vec<usize>,
-    weights: Vec<Option<[Weights; 2]>>,
-}
-
-impl Blurs {
-    /// Makes ready for circles of at most `largest` pixels.
-    pub(super) fn reach(&mut self, largest: f64, iris: Iris) {
-        self.rungs.reach(largest);
-        let count = self.rungs.count();
-        if self.weights.len() == count && self.iris == iris {
-            return;
-        }
-        self.gaps.between(&self.rungs);
-        self.iris = iris;
-        self.halvings = (0..count).map(|rung| self.rungs.halvings(rung).0).collect();
-        self.weights = vec![None; count];
-    }
-
-    /// Makes the weights of a rung, unless there are some.
-    pub(super) fn use_rung(&mut self, rung: usize) {
-        if self.weights[rung].is_none() {
-            let (_, variance) = self.rungs.halvings(rung);
-            let is_in_front = self.rungs.radius(rung) < 0.0;
-            let weights = |is_turned| Weights::new(self.iris, variance, is_turned);
-            self.weights[rung] = Some([weights(is_in_front), weights(!is_in_front)]);
-        }
-    }
-
-    /// The blur of a rung, where it is used; and its adjoint.
-    fn blur(&self, rung: usize, size: Size) -> Option<[Blur<'_>; 2]> {
-        let halvings = self.halvings[rung];
-        let weights = self.weights[rung].as_ref()?;
-        Some([0, 1].map(|k| Blur { rung, size, halvings, weights: &weights[k] }))
+impl<T: Scalar> Passes<'_, T> {
+    /// Shares the surfaces among the rungs.
+    pub(super) fn fill_rungs(
+        &self,
+        view: &View<'_, T>,
+        bands: &mut [Strips<T>],
+        told: &mut [Told],
+    ) {
+        let Self { blurs, frame, benches } = *self;
+        let halvings = &blurs.halvings;
+        for_each_two_pieces_mut(bands, told, [1, 1], |band, strips, told| {
+            let (strips, told) = (&mut strips[0], &mut told[0]);
+            strips.clear();
+            *told = Told::default();
+            let Told { piece, fault } = told;
+            benches.with(|bench| {
+                let Bench { row, parts, slots, .. } = bench;
+                slots.clear();
+                slots.resize(view.rungs.count(), 0);
+                let rows = frame.rows(band);
+                *fault = view.for_each_pixel(rows.clone(), row, parts, |place, parts| {
+                    add_piece(piece, parts.piece);
+                    for part in &parts.parts {
+                        for (rung, weight) in part.rungs().into_iter().flatten() {
+                            if slots[rung] == 0 {
+                                let halvings = halvings[rung];
+                                let size = halved(frame.size, halvings);
+                                let rows = rows.start >> halvings..rows.end.div_ceil(1 << halvings);
+                                let strip = strips.push();
+                                strip.reset(rung, view.channels + 1, [rows, 0..size.width]);
+                                strip.values.fill(T::ZERO);
+                                strip.held = 0..0;
+                                slots[rung] = strips.as_slice().len() as u32;
+                            }
+                            let strip = &mut strips.as_mut_slice()[slots[rung] as usize - 1];
+                            add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
+                        }
+                    }
+                });
+                strips.as_mut_slice().sort_unstable_by_key(|strip| strip.rung);
+            });
+        });
     }
 
     /// Blurs the rungs, as far as something is seen of them, and puts them together in `out`, the picture
     /// without its margin.
-    pub(super) fn see<T: Scalar>(
+    pub(super) fn see(
         &self,
-        frame: Frame,
         source: Bands<'_, T>,
         reference: &[T],
         tells_piece: bool,
         bands: &mut [Band<T>],
-        benches: &Workbench<Bench<T>>,
         out: &mut [T],
     ) {
+        let Self { blurs, frame, benches } = *self;
         let channels = reference.len();
         let row = frame.shown_size().width * channels;
         for_each_two_pieces_mut(bands, out, [1, ROWS * row], |band, own, out| {
@@ -256,8 +171,8 @@ impl Blurs {
             benches.with(|bench| {
                 let Bench { blur: memory, wide_blur: wide_memory, wide, sight, .. } = bench;
                 sight.begin(&part);
-                for rung in 0..self.rungs.count() {
-                    let Some([blur, _]) = self.blur(rung, frame.size) else { continue };
+                for rung in 0..blurs.rungs.count() {
+                    let Some([blur, _]) = blurs.blur(rung, frame.size) else { continue };
                     let in_sight = blur.columns_in_sight(source, &part[0]);
                     let columns = common(&common(&in_sight, &part[1]), &sight.unfilled());
                     if columns.is_empty() {
@@ -278,7 +193,7 @@ impl Blurs {
                     let channel = Channel { bands: source, channel: channels, convert: T::widen };
                     blur.apply(channel, &target, wide_memory, wide);
                     alphas.iter_mut().zip(&*wide).for_each(|(to, &from)| *to = T::narrow(from));
-                    sight.add(own.blurred.as_slice(), &self.gaps, channels, out);
+                    sight.add(own.blurred.as_slice(), &blurs.gaps, channels, out);
                 }
                 for (out, &total) in out.chunks_exact_mut(channels).zip(&sight.total) {
                     // The background, where nothing at all is seen.
@@ -289,7 +204,7 @@ impl Blurs {
                     }
                 }
                 own.piece = match tells_piece {
-                    true => sight.piece(own.blurred.as_slice(), &self.gaps, channels),
+                    true => sight.piece(own.blurred.as_slice(), &blurs.gaps, channels),
                     false => 0,
                 };
             });
@@ -297,14 +212,8 @@ impl Blurs {
     }
 
     /// The gradients of the rungs at their own sizes, before their blurs, of the picture's gradients `out_bar`.
-    pub(super) fn pull_back_seen<T: Scalar>(
-        &self,
-        frame: Frame,
-        bands: &[Band<T>],
-        out_bar: &[T],
-        bars: &mut [Strips<T>],
-        benches: &Workbench<Bench<T>>,
-    ) {
+    pub(super) fn pull_back_seen(&self, bands: &[Band<T>], out_bar: &[T], bars: &mut [Strips<T>]) {
+        let Self { blurs, frame, benches } = *self;
         let Size { width, height } = frame.shown_size();
         let row = out_bar.len() / height;
         let entries = row / width + 1;
@@ -321,9 +230,9 @@ impl Blurs {
                     shown_bars.push().reset(strip.rung, entries, place);
                 }
                 sight.begin(&part);
-                sight.pull_back(blurred, &self.gaps, out_bar, shown_bars.as_mut_slice());
+                sight.pull_back(blurred, &blurs.gaps, out_bar, shown_bars.as_mut_slice());
                 for from in shown_bars.as_slice() {
-                    let Some([blur, _]) = self.blur(from.rung, frame.size) else { continue };
+                    let Some([blur, _]) = blurs.blur(from.rung, frame.size) else { continue };
                     let place = [from.rows.clone(), from.columns.clone()];
                     let to = bars.push();
                     to.reset(from.rung, entries, blur.small_part(&place));
@@ -338,22 +247,22 @@ impl Blurs {
     }
 
     /// The gradients of the surfaces in a band, of those of the rungs.
-    pub(super) fn pull_back_rungs<T: Scalar>(
+    pub(super) fn pull_back_rungs(
         &self,
         view: &View<'_, T>,
-        frame: Frame,
         source: &Strips<T>,
         bars: &[Strips<T>],
         band: usize,
         found: &mut BandBars<T>,
         bench: &mut Bench<T>,
     ) {
+        let Self { blurs, frame, .. } = *self;
         let rows = frame.rows(band);
         found.clear(view, rows.len() * frame.size.width);
-        found.slots.resize(self.rungs.count(), 0);
+        found.slots.resize(blurs.rungs.count(), 0);
         // Only where a surface asks.
         for strip in source.as_slice().iter().filter(|strip| !strip.held.is_empty()) {
-            let Some([_, adjoint]) = self.blur(strip.rung, frame.size) else { continue };
+            let Some([_, adjoint]) = blurs.blur(strip.rung, frame.size) else { continue };
             let place = [strip.rows.clone(), strip.held.clone()];
             let bars = Bands { bands: bars, first: frame.margin };
             if adjoint.is_out_of_sight(bars, &place[0]) {
@@ -370,7 +279,7 @@ impl Blurs {
         }
         let Bench { row, parts, link_bars, .. } = bench;
         view.for_each_pixel(rows, row, parts, |place, parts| {
-            found.add_pixel(self, view, frame, place, parts, link_bars);
+            found.add_pixel(blurs, view, frame, place, parts, link_bars);
         });
     }
 }

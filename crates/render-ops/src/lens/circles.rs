@@ -21,7 +21,6 @@ pub(super) struct Circle<S> {
     pub(super) by_distance: S,
     pub(super) by_aperture: S,
     pub(super) by_focus: S,
-    pub(super) is_capped: bool,
 }
 
 /// A lens, in numbers.
@@ -35,26 +34,35 @@ pub(super) struct Optics<S> {
 }
 
 impl<S: Scalar> Optics<S> {
-    /// The circle of confusion of what is `z` away.
-    pub(super) fn circle(&self, z: S) -> Circle<S> {
+    /// The radius of the circle of confusion of what is `z` away, and whether it is capped.
+    #[inline]
+    pub(super) fn radius(&self, z: S) -> (S, bool) {
         let Self { aperture, focus, largest } = *self;
         if aperture == S::ZERO {
-            return Circle::default();
+            return (S::ZERO, false);
         }
-        let out_of_focus = S::ONE - focus / z;
-        let radius = aperture * out_of_focus;
+        let radius = aperture * (S::ONE - focus / z);
         // At distance 0 it is infinite, and of -0 on the wrong side.
         if z == S::ZERO || radius.abs() > S::from_f64(largest) {
             let side = if z == S::ZERO || radius < S::ZERO { -1.0 } else { 1.0 };
-            let radius = S::from_f64(side * largest);
-            return Circle { radius, is_capped: true, ..Circle::default() };
+            return (S::from_f64(side * largest), true);
         }
+        (radius, false)
+    }
+
+    /// The circle of confusion of what is `z` away.
+    pub(super) fn circle(&self, z: S) -> Circle<S> {
+        let Self { aperture, focus, .. } = *self;
+        let (radius, is_capped) = self.radius(z);
+        if is_capped || aperture == S::ZERO {
+            return Circle { radius, ..Circle::default() };
+        }
+        let (share, inverse) = (focus / z, S::ONE / z);
         Circle {
             radius,
-            by_distance: aperture * (focus / z / z),
-            by_aperture: out_of_focus,
-            by_focus: -aperture / z,
-            is_capped: false,
+            by_distance: aperture * share * inverse,
+            by_aperture: S::ONE - share,
+            by_focus: -aperture * inverse,
         }
     }
 }
@@ -72,7 +80,7 @@ mod tests {
         assert_eq!(radii, [-20.0, -20.0, -20.0, -4.0, 0.0, 2.0, 4.0]);
         let slopes = OPTICS.circle(f64::INFINITY);
         assert_eq!((slopes.by_distance, slopes.by_aperture), (0.0, 1.0));
-        assert!(slopes.by_focus == 0.0 && OPTICS.circle(1e-300).is_capped);
+        assert!(slopes.by_focus == 0.0 && OPTICS.radius(1e-300).1);
     }
 
     #[test]

@@ -24,8 +24,6 @@
 
 use bokashi_core::Scalar;
 
-use super::surfaces::Surface;
-
 /// How much of b is seen beside a, and the derivatives by a and by b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gap<S> {
@@ -62,6 +60,17 @@ pub(super) fn gap<S: Scalar>(a: S, b: S) -> Gap<S> {
     };
     let share = x * x * (number(3.0) - number(2.0) * x);
     Gap { share, slopes, piece: 2 + u8::from(is_first_larger) }
+}
+
+/// A fragment of a layer; the visible layer is the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Surface {
+    pub(super) layer: u32,
+    pub(super) fragment: u32,
+}
+
+impl Surface {
+    pub(super) const BACKGROUND: Self = Self { layer: u32::MAX, fragment: u32::MAX };
 }
 
 /// A surface at a pixel's centre.

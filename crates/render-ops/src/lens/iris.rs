@@ -22,8 +22,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::gaussian_blur::disc::coverage::DiscTaps;
 use crate::size::Size;
+use crate::taps::disc::DiscTaps;
 
 /// The opening of a lens. Whatever its form, a blur of radius r has the variance of a disc of radius r.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

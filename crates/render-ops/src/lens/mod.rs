@@ -33,7 +33,9 @@
 
 mod bands;
 mod blur;
+mod blurs;
 mod circles;
+mod frame;
 mod front_to_back;
 mod hiding;
 mod iris;
@@ -44,12 +46,14 @@ mod surfaces;
 
 use std::sync::Arc;
 
-use bokashi_core::parallel::for_each_item_mut;
+use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_item_mut, write_each};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, TensorError, Var};
 use smallvec::SmallVec;
 
-use self::bands::{Band, Bench, Blurs, Frame, Told, fill_rungs};
+use self::bands::{Band, Bench, Passes, Told};
+use self::blurs::Blurs;
 use self::circles::Optics;
+use self::frame::Frame;
 use self::iris::BLADES;
 pub use self::iris::Iris;
 use self::pixel_bars::BandBars;
@@ -374,14 +378,15 @@ impl DrawLens {
     fn find_radii<T: Scalar>(&self, inputs: &Inputs<'_, T>, radii: &mut Vec<Vec<T>>) -> usize {
         let optics = self.optics([inputs.data(1), inputs.data(2)]);
         radii.resize_with(1 + self.hidden.len(), Vec::new);
+        let cap = T::from_f64(self.options.largest_radius);
         let mut capped = 0;
         for ((first, _), radii) in self.layers().zip(radii) {
-            radii.clear();
-            radii.extend(inputs.data(first + 2).iter().map(|&z| {
-                let circle = optics.circle(z.widen());
-                capped += usize::from(circle.is_capped);
-                T::narrow(circle.radius)
-            }));
+            let distances = inputs.data(first + 2);
+            radii.resize(distances.len(), T::ZERO);
+            write_each(radii, ENTRIES_PER_PIECE, |k| {
+                T::narrow(optics.radius(distances[k].widen()).0)
+            });
+            capped += radii.iter().filter(|radius| radius.abs() >= cap).count();
         }
         capped
     }
@@ -404,6 +409,7 @@ impl DrawLens {
         let behind: Behind<'_> = self.hidden.iter().map(|layer| &**layer).collect();
         let optics = self.optics([input(1), input(2)]);
         let reference = self.reference(input(0));
+        let sky = optics.circle(T::Wide::from_f64(self.far));
         work(&View {
             channels: reference.len(),
             layers: &layers,
@@ -412,7 +418,8 @@ impl DrawLens {
             behind: &behind,
             rungs: &blurs.rungs,
             optics,
-            sky: optics.circle(T::Wide::from_f64(self.far)),
+            sky,
+            sky_position: blurs.rungs.locate(sky.radius),
             background: input(0),
             kind: self.kind,
             reference: &reference,
@@ -536,11 +543,12 @@ impl<T: Scalar> Op<T> for DrawLens {
         let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);
         told.resize_with(count, Told::default);
+        let passes = Passes { blurs, frame, benches };
         self.view(
             |k| inputs.data(k),
             (blurs, radii, saved.keeps_hidden),
             |view| {
-                fill_rungs(view, frame, &blurs.halvings, sources, told, benches);
+                passes.fill_rungs(view, sources, told);
             },
         );
         if let Some([layer, pixel]) = told.iter().find_map(|told| told.fault) {
@@ -555,7 +563,8 @@ impl<T: Scalar> Op<T> for DrawLens {
         let source = Bands { bands: sources, first: 0 };
         let reference = self.reference(inputs.data(0));
         let tells_piece = self.options.tells_piece;
-        blurs.see(frame, source, &reference, tells_piece, bands, benches, out);
+        let passes = Passes { blurs, frame, benches };
+        passes.see(source, &reference, tells_piece, bands, out);
         let pieces = told.iter().map(|told| told.piece);
         let pieces = pieces.chain(bands.iter().map(|band| band.piece));
         saved.piece =
@@ -574,9 +583,9 @@ impl<T: Scalar> Op<T> for DrawLens {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let Saved { blurs, radii, sources, bands, benches, strip_bars, band_bars, .. } = saved;
-        let frame = self.frame;
         strip_bars.resize_with(bands.len(), Strips::default);
-        blurs.pull_back_seen(frame, bands, kept.only_upstream(), strip_bars, benches);
+        let passes = Passes { blurs, frame: self.frame, benches };
+        passes.pull_back_seen(bands, kept.only_upstream(), strip_bars);
         band_bars.resize_with(sources.len(), BandBars::default);
         let blurs = &*blurs;
         self.view(
@@ -586,7 +595,7 @@ impl<T: Scalar> Op<T> for DrawLens {
                 for_each_item_mut(band_bars, |band, found| {
                     benches.with(|bench| {
                         let source = &sources[band];
-                        blurs.pull_back_rungs(view, frame, source, strip_bars, band, found, bench);
+                        passes.pull_back_rungs(view, source, strip_bars, band, found, bench);
                     });
                 });
             },

@@ -2,10 +2,11 @@
 
 use bokashi_core::Scalar;
 
-use super::bands::{Blurs, Frame, rungs_of};
-use super::hiding::{LinkBar, pull_back_share};
+use super::blurs::Blurs;
+use super::frame::Frame;
+use super::hiding::{LinkBar, Surface, pull_back_share};
 use super::strips::{ROWS, Strips};
-use super::surfaces::{Part, Parts, Share, Surface, View};
+use super::surfaces::{Part, Parts, Share, View};
 use crate::background::Kind;
 use crate::runs::Run;
 
@@ -140,21 +141,21 @@ impl<T: Scalar> BandBars<T> {
     ) {
         let rung = part.position.rung;
         for (k, beside) in self.beside.iter_mut().enumerate() {
-            beside.clear();
+            beside.resize(channels + 1, T::Wide::ZERO);
             let slot = self.slots[rung + k] as usize;
             let strip = slot.checked_sub(1).map(|slot| &self.at_rungs.as_slice()[slot]);
-            let found = strip.and_then(|strip| {
-                let halvings = blurs.halvings[rung + k];
-                let offset = strip.held_offset(row >> halvings, column >> halvings)?;
-                Some((strip, offset, frame.mean_weight(halvings, [row, column])))
-            });
-            let Some((strip, offset, weight)) = found else {
-                beside.resize(channels + 1, T::Wide::ZERO);
+            let halvings = blurs.halvings[rung + k];
+            let offset =
+                strip.and_then(|strip| strip.held_offset(row >> halvings, column >> halvings));
+            let (Some(strip), Some(offset)) = (strip, offset) else {
+                beside.fill(T::Wide::ZERO);
                 continue;
             };
-            let (weight, plane) = (T::Wide::from_f64(weight), strip.plane());
-            let channel = |channel: usize| strip.values[channel * plane + offset].widen() * weight;
-            beside.extend((0..=channels).map(channel));
+            let weight = T::Wide::from_f64(frame.mean_weight(halvings, [row, column]));
+            let numbers = strip.values[offset..].iter().step_by(strip.plane());
+            for (to, number) in beside.iter_mut().zip(numbers) {
+                *to = number.widen() * weight;
+            }
         }
     }
 
@@ -170,7 +171,7 @@ impl<T: Scalar> BandBars<T> {
         let alpha = alpha.widen();
         let (mut share_bar, mut next_bar) = (T::Wide::ZERO, T::Wide::ZERO);
         // In focus the next rung holds nothing of the part.
-        let next_share = match rungs_of(part)[1] {
+        let next_share = match part.rungs()[1] {
             Some((_, share)) => share,
             None => T::Wide::ZERO,
         };

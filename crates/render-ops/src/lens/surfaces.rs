@@ -15,24 +15,13 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::circles::{Circle, Optics};
-use super::hiding::{Behind, Link, behind_piece, share_behind};
+use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
 use super::rungs::{Position, Rungs};
 use crate::background::Kind;
 use crate::coverage::Coverage;
 
 /// A share of a pixel that is less is rounding.
 const LEAST_SHARE: f64 = 1e-6;
-
-/// A fragment of a layer; the visible layer is the first one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Surface {
-    pub(super) layer: u32,
-    pub(super) fragment: u32,
-}
-
-impl Surface {
-    pub(super) const BACKGROUND: Self = Self { layer: u32::MAX, fragment: u32::MAX };
-}
 
 /// Stands for "no fragment".
 const NONE: u32 = u32::MAX;
@@ -74,6 +63,17 @@ pub(super) struct Part<S> {
     pub(super) position: Position<S>,
 }
 
+impl<S: Scalar> Part<S> {
+    /// The rungs that it lies on, with its weights.
+    #[inline]
+    pub(super) fn rungs(&self) -> [Option<(usize, S)>; 2] {
+        let Position { rung, next, .. } = self.position;
+        // In focus there is no slope, either.
+        let is_in_focus = self.radius == S::ZERO;
+        [Some((rung, S::ONE - next)), (!is_in_focus).then_some((rung + 1, next))]
+    }
+}
+
 /// What a pixel shows, and what is at its centre, the nearest first.
 #[derive(Debug)]
 pub(super) struct Parts<S> {
@@ -109,8 +109,9 @@ pub(super) struct View<'a, T: Scalar> {
     pub(super) behind: &'a [&'a Coverage],
     pub(super) rungs: &'a Rungs,
     pub(super) optics: Optics<T::Wide>,
-    /// The circle of the background.
+    /// The circle of the background, and where it lies among the rungs.
     pub(super) sky: Circle<T::Wide>,
+    pub(super) sky_position: Position<T::Wide>,
     pub(super) background: &'a [T],
     pub(super) kind: Kind,
     /// The colour that rungs hold the difference to, so that what looks like it adds no rounding: that of a
@@ -317,7 +318,10 @@ impl<'a, T: Scalar> View<'a, T> {
     #[inline]
     fn add_part(&self, surface: Surface, kind: Share, share: T::Wide, found: &mut Parts<T::Wide>) {
         let radius = self.radius(surface);
-        let position = self.rungs.locate(radius);
+        let position = match surface {
+            Surface::BACKGROUND => self.sky_position,
+            _ => self.rungs.locate(radius),
+        };
         // Whether a share of 0 is listed depends on who asks.
         if share != T::Wide::ZERO {
             let is_capped = radius.abs().to_f64() >= self.optics.largest;

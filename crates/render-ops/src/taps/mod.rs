@@ -8,7 +8,7 @@
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
 //! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
 //!
-//! A disc is no product of two windows, and has weights of its own (`gaussian_blur/disc`).
+//! A disc is no product of two windows, and has weights of its own (`disc`).
 //!
 //! The sampled and the discrete weights sum to 1, and their derivatives to 0 (`discrete`).
 //!
@@ -21,6 +21,7 @@
 //! Where a tolerance asks for more than 16384 taps, the window is endless and misses nothing
 //! (`endless`).
 
+pub(crate) mod disc;
 mod discrete;
 mod endless;
 #[cfg(test)]

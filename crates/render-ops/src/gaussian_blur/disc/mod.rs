@@ -2,7 +2,7 @@
 //!
 //! # Forward
 //! A disc of the radius `r = 2 sigma` has the variance sigma^2 per axis, as the Gaussians have. Each pixel has the
-//! share of a disc that it covers (`coverage`), of the radius at which these weights have exactly this variance.
+//! share of a disc that it covers (`taps/disc`), of the radius at which these weights have exactly this variance.
 //! So `b = K c`, where K is summed along columns (`spans`). At sigma 0 it is the identity, and for small sigma
 //! it is a step of diffusion, `b = c + sigma^2 (sum of the four neighbours - 4 c) / 2`.
 //!
@@ -36,20 +36,19 @@
 //!
 //! # Where it is not smooth
 //! There is a jump at the sigma from which on the image is halved once more. With a fixed radius there is none.
-//! `coverage` names the kinks of the slope.
+//! `taps/disc` names the kinks of the slope.
 
-pub(crate) mod coverage;
 mod halving;
 mod spans;
 
 use bokashi_core::Scalar;
 
-use self::coverage::DiscTaps;
 use self::halving::{Axis, Halving};
 use self::spans::{Spans, Strip};
 use crate::border::Border;
 use crate::error::RenderError;
 use crate::scratch::Workbench;
+use crate::taps::disc::DiscTaps;
 use crate::taps::{Blur, Radius};
 
 /// The largest sigma: discs as wide as an image of 4096 pixels.

@@ -22,10 +22,10 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::for_each_two_pieces_mut;
 
-use super::coverage::{DiscTaps, Step};
 use crate::border::Border;
 use crate::copy::copy;
 use crate::scratch::Workbench;
+use crate::taps::disc::{DiscTaps, Step};
 
 /// Entries summed at a time: their sums stay in registers through all steps.
 const BLOCK: usize = 32;

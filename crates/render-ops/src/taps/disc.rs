@@ -40,7 +40,7 @@ pub(crate) struct Step<T> {
     pub(crate) reach: usize,
     pub(crate) weight: T,
     /// The derivative of the weight with respect to sigma.
-    pub(super) slope: T,
+    pub(crate) slope: T,
 }
 
 /// A disc as steps along columns of pixels. The k-th column lies k pixels to the left and to the right of
