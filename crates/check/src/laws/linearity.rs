@@ -1,8 +1,12 @@
 //! The backward pass is linear in the upstream gradient `u`: exactly so for a power of two, and
 //! to rounding for a sum; no gradient comes from no upstream gradient.
+//!
+//! Rounding is that of the largest entry. Where a gradient is a small difference of large terms, it is more: how
+//! rough the gradient is on the way from u to u + v tells how much.
 
 use bokashi_core::Tensor;
 
+use super::differences::noise as roughness;
 use crate::failure::{Broken, entry};
 use crate::run::{Run, largest, noise, run};
 use crate::trial::{ROUNDINGS, Tally, Trial};
@@ -41,13 +45,25 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
         Tensor::from_flat_fn(u.shape(), |k| u.data()[k] + v.data()[k])
     };
     let both: Vec<_> = trial.upstream.iter().zip(&other).map(add).collect();
+    let upstream = other.clone();
     let (other, both, none) = (with(&other)?, with(&both)?, with(&times(0.0))?);
     for (i, gradient) in trial.gradients() {
         let gradient_of =
             |run: &Run<f64>| run.gradients[i].clone().expect("a differentiable input");
         let (other, both, none) = (gradient_of(&other), gradient_of(&both), gradient_of(&none));
         let size = largest(gradient).max(largest(&other)).max(largest(&both));
-        let bound = (ROUNDINGS + gradient.size() as f64) * f64::EPSILON * size;
+        let mut bound = (ROUNDINGS + gradient.size() as f64) * f64::EPSILON * size;
+        let is_off =
+            |k: usize| (both.data()[k] - gradient.data()[k] - other.data()[k]).abs() > bound;
+        if (0..gradient.size()).any(is_off) {
+            bound += roughness(|t| {
+                let way = trial.upstream.iter().zip(&upstream).map(|(u, v)| {
+                    Tensor::from_flat_fn(u.shape(), |k| u.data()[k] + t * v.data()[k])
+                });
+                let way: Vec<_> = way.collect();
+                Some(gradient_of(&with(&way).ok()?).data().to_vec())
+            });
+        }
         for k in 0..gradient.size() {
             let entry_name = || entry(&format!("in{i}"), gradient.shape(), k);
             let sum = gradient.data()[k] + other.data()[k];

@@ -272,8 +272,9 @@ impl<T: Scalar> Passes<'_, T> {
             to.reset(strip.rung, view.channels + 1, place.clone());
             let plane = to.plane();
             for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
-                let channel = Channel { bands: bars, channel, convert: |number| number };
-                adjoint.convolve(channel, &place, &mut bench.blur, out);
+                // Neighbouring rungs have nearly the same gradients, and the circle's is their difference.
+                let channel = Channel { bands: bars, channel, convert: T::widen };
+                adjoint.convolve(channel, &place, &mut bench.wide_blur, out);
             }
             found.slots[strip.rung] = found.at_rungs.as_slice().len() as u32;
         }

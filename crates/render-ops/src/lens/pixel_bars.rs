@@ -37,7 +37,7 @@ impl<T: Scalar> LayerBars<T> {
 /// Gradients of the surfaces in a band.
 #[derive(Debug)]
 pub(super) struct BandBars<T: Scalar> {
-    pub(super) at_rungs: Strips<T>,
+    pub(super) at_rungs: Strips<T::Wide>,
     /// Per rung: its strip of `at_rungs`, counted from 1; 0 where it has none.
     pub(super) slots: Vec<u32>,
     pub(super) layers: Vec<LayerBars<T>>,
@@ -154,7 +154,7 @@ impl<T: Scalar> BandBars<T> {
             let weight = T::Wide::from_f64(frame.mean_weight(halvings, [row, column]));
             let numbers = strip.values[offset..].iter().step_by(strip.plane());
             for (to, number) in beside.iter_mut().zip(numbers) {
-                *to = number.widen() * weight;
+                *to = *number * weight;
             }
         }
     }
