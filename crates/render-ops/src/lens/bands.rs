@@ -9,10 +9,12 @@
 //! of alpha a, and with the share p of the pixel has with `B = (1 - t) E_k + t E_(k+1)`:
 //! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur::{self, Channel};
+use super::blur::{self, Channel, add_each};
 use super::blurs::Blurs;
 use super::frame::Frame;
 use super::front_to_back::{Sight, common};
@@ -33,10 +35,16 @@ pub(super) struct Told {
 }
 
 /// A band of the picture: its blurred rungs, where they are seen, and which smooth piece they lie on.
-#[derive(Debug, Default)]
-pub(super) struct Band<T> {
+#[derive(Debug)]
+pub(super) struct Band<T: Scalar> {
     pub(super) blurred: Strips<T>,
     pub(super) piece: u64,
+}
+
+impl<T: Scalar> Default for Band<T> {
+    fn default() -> Self {
+        Self { blurred: Strips::default(), piece: 0 }
+    }
 }
 
 /// Memory for a band.
@@ -49,7 +57,6 @@ pub(super) struct Bench<T: Scalar> {
     slots: Vec<u32>,
     blur: blur::Memory<T>,
     wide_blur: blur::Memory<T::Wide>,
-    wide: Vec<T::Wide>,
     sight: Sight<T>,
     /// The gradients of blurred rungs.
     bars: Strips<T>,
@@ -64,7 +71,6 @@ impl<T: Scalar> Default for Bench<T> {
             slots: Vec::new(),
             blur: blur::Memory::default(),
             wide_blur: blur::Memory::default(),
-            wide: Vec::new(),
             sight: Sight::default(),
             bars: Strips::default(),
         }
@@ -73,6 +79,18 @@ impl<T: Scalar> Default for Bench<T> {
 
 fn add_piece(sum: &mut u64, piece: u64) {
     *sum = (*sum ^ piece).wrapping_mul(0x0100_0000_01b3);
+}
+
+/// Adds a channel of colours, converted first.
+fn color_reader<T: Scalar, S: Scalar>(
+    channel: usize,
+    convert: impl Fn(T) -> S + Copy,
+) -> impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy {
+    move |strip, row, columns, to| add_each(to, strip.row(channel, row, columns), convert)
+}
+
+fn read_alphas<T: Scalar>(strip: &Strip<T>, row: usize, columns: Range<usize>, to: &mut [T::Wide]) {
+    add_each(to, strip.alpha_row(row, columns), |alpha| alpha);
 }
 
 /// Adds to a rung a share of what a pixel shows: its difference to the reference of the same alpha; and the alpha.
@@ -88,15 +106,15 @@ fn add_to_rung<T: Scalar>(
 ) {
     let (color, alpha) = view.color(part.surface, row * frame.size.width + column);
     let mean = frame.mean_weight(halvings, [row, column]);
-    let weight = T::narrow(weight * part.share * T::Wide::from_f64(mean));
+    let wide = weight * part.share * T::Wide::from_f64(mean);
     let [row, column] = [row >> halvings, column >> halvings];
     strip.hold(column);
-    let (mut offset, plane) = (strip.offset(row, column), strip.plane());
+    let (mut offset, plane, weight) = (strip.offset(row, column), strip.plane(), T::narrow(wide));
+    strip.alphas[offset] += wide * alpha.widen();
     for (&color, &reference) in color.iter().zip(view.reference) {
         strip.values[offset] += weight * (color - alpha * reference);
         offset += plane;
     }
-    strip.values[offset] += weight * alpha;
 }
 
 /// The passes, and memory for them.
@@ -136,8 +154,9 @@ impl<T: Scalar> Passes<'_, T> {
                                 let size = halved(frame.size, halvings);
                                 let rows = rows.start >> halvings..rows.end.div_ceil(1 << halvings);
                                 let strip = strips.push();
-                                strip.reset(rung, view.channels + 1, [rows, 0..size.width]);
+                                strip.reset(rung, view.channels, [rows, 0..size.width]);
                                 strip.values.fill(T::ZERO);
+                                strip.alphas.fill(T::Wide::ZERO);
                                 strip.held = 0..0;
                                 slots[rung] = strips.as_slice().len() as u32;
                             }
@@ -169,7 +188,7 @@ impl<T: Scalar> Passes<'_, T> {
             own.blurred.clear();
             out.fill(T::ZERO);
             benches.with(|bench| {
-                let Bench { blur: memory, wide_blur: wide_memory, wide, sight, .. } = bench;
+                let Bench { blur: memory, wide_blur: wide_memory, sight, .. } = bench;
                 sight.begin(&part);
                 for rung in 0..blurs.rungs.count() {
                     let Some([blur, _]) = blurs.blur(rung, frame.size) else { continue };
@@ -180,19 +199,14 @@ impl<T: Scalar> Passes<'_, T> {
                     }
                     let target = [part[0].clone(), columns];
                     let strip = own.blurred.push();
-                    strip.reset(rung, channels + 1, target.clone());
+                    strip.reset(rung, channels, target.clone());
                     let plane = strip.plane();
-                    let (colors, alphas) = strip.values.split_at_mut(channels * plane);
-                    for (channel, out) in colors.chunks_exact_mut(plane).enumerate() {
-                        let convert = |number| number;
-                        let channel = Channel { bands: source, channel, convert };
-                        blur.apply(channel, &target, memory, out);
+                    for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
+                        let read = color_reader(channel, |number: T| number);
+                        blur.apply(Channel { bands: source, read }, &target, memory, out);
                     }
-                    // What is opaque stays so, to the last bit: what hides the rest depends on it.
-                    wide.resize(plane, T::Wide::ZERO);
-                    let channel = Channel { bands: source, channel: channels, convert: T::widen };
-                    blur.apply(channel, &target, wide_memory, wide);
-                    alphas.iter_mut().zip(&*wide).for_each(|(to, &from)| *to = T::narrow(from));
+                    let channel = Channel { bands: source, read: read_alphas };
+                    blur.apply(channel, &target, wide_memory, &mut strip.alphas);
                     sight.add(own.blurred.as_slice(), &blurs.gaps, channels, out);
                 }
                 for (out, &total) in out.chunks_exact_mut(channels).zip(&sight.total) {
@@ -216,18 +230,19 @@ impl<T: Scalar> Passes<'_, T> {
         let Self { blurs, frame, benches } = *self;
         let Size { width, height } = frame.shown_size();
         let row = out_bar.len() / height;
-        let entries = row / width + 1;
+        let channels = row / width;
         for_each_item_mut(bars, |band, bars| {
             bars.clear();
             let blurred = bands[band].blurred.as_slice();
             let part = frame.shown(band);
             let out_bar = &out_bar[(part[0].start - frame.margin) * row..][..part[0].len() * row];
             benches.with(|bench| {
-                let Bench { blur: memory, sight, bars: shown_bars, .. } = bench;
+                let Bench { blur: memory, wide_blur: wide_memory, sight, bars: shown_bars, .. } =
+                    bench;
                 shown_bars.clear();
                 for strip in blurred {
                     let place = [strip.rows.clone(), strip.columns.clone()];
-                    shown_bars.push().reset(strip.rung, entries, place);
+                    shown_bars.push().reset(strip.rung, channels, place);
                 }
                 sight.begin(&part);
                 sight.pull_back(blurred, &blurs.gaps, out_bar, shown_bars.as_mut_slice());
@@ -235,12 +250,13 @@ impl<T: Scalar> Passes<'_, T> {
                     let Some([blur, _]) = blurs.blur(from.rung, frame.size) else { continue };
                     let place = [from.rows.clone(), from.columns.clone()];
                     let to = bars.push();
-                    to.reset(from.rung, entries, blur.small_part(&place));
+                    to.reset(from.rung, channels, blur.small_part(&place));
                     let (plane, small_plane) = (from.plane(), to.plane());
                     let pairs = from.values.chunks_exact(plane);
                     for (from, to) in pairs.zip(to.values.chunks_exact_mut(small_plane)) {
                         blur.pull_back_size(from, &place, memory, to);
                     }
+                    blur.pull_back_size(&from.alphas, &place, wide_memory, &mut to.alphas);
                 }
             });
         });
@@ -269,13 +285,15 @@ impl<T: Scalar> Passes<'_, T> {
                 continue;
             }
             let to = found.at_rungs.push();
-            to.reset(strip.rung, view.channels + 1, place.clone());
+            to.reset(strip.rung, view.channels, place.clone());
             let plane = to.plane();
             for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
                 // Neighbouring rungs have nearly the same gradients, and the circle's is their difference.
-                let channel = Channel { bands: bars, channel, convert: T::widen };
-                adjoint.convolve(channel, &place, &mut bench.wide_blur, out);
+                let read = color_reader(channel, T::widen);
+                adjoint.convolve(Channel { bands: bars, read }, &place, &mut bench.wide_blur, out);
             }
+            let channel = Channel { bands: bars, read: read_alphas };
+            adjoint.convolve(channel, &place, &mut bench.wide_blur, &mut to.alphas);
             found.slots[strip.rung] = found.at_rungs.as_slice().len() as u32;
         }
         let Bench { row, parts, link_bars, .. } = bench;

@@ -18,7 +18,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::iris::Weights;
-use super::strips::{Bands, halved};
+use super::strips::{Bands, Strip, halved};
 use crate::size::Size;
 
 /// Numbers summed at a time: they stay in registers through all look-ups.
@@ -46,6 +46,12 @@ impl<T: Scalar> Memory<T> {
     }
 }
 
+/// Adds numbers, converted first.
+#[inline(always)]
+pub(super) fn add_each<N: Copy, S: Scalar>(to: &mut [S], from: &[N], convert: impl Fn(N) -> S) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
+}
+
 /// A blur of a rung.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blur<'a> {
@@ -56,13 +62,12 @@ pub(super) struct Blur<'a> {
     pub(super) weights: &'a Weights,
 }
 
-/// A channel of what rungs hold.
+/// Numbers that rungs hold.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Channel<'a, T, F> {
+pub(super) struct Channel<'a, T: Scalar, F> {
     pub(super) bands: Bands<'a, T>,
-    pub(super) channel: usize,
-    /// To the numbers that are summed.
-    pub(super) convert: F,
+    /// Adds those of some columns of a strip's row.
+    pub(super) read: F,
 }
 
 /// Rows and columns.
@@ -125,10 +130,10 @@ impl Blur<'_> {
         source.strips(self.rung, self.halvings, rows).next().is_none()
     }
 
-    /// Blurs a channel of a rung, whose numbers are converted first, into a part of the image.
+    /// Blurs a channel of a rung into a part of the image.
     pub(super) fn apply<T: Scalar, S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
+        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
         part: &Part,
         memory: &mut Memory<S>,
         out: &mut [S],
@@ -205,7 +210,7 @@ impl Blur<'_> {
     /// `out = K source`, of a part at the rung's size.
     pub(super) fn convolve<T: Scalar, S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
+        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
         part: &Part,
         memory: &mut Memory<S>,
         out: &mut [S],
@@ -252,7 +257,7 @@ impl Blur<'_> {
     /// Adds what a rung holds to rows that the first row of `sums` stands before; whether there is anything.
     fn add_rows<T: Scalar, S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
+        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
         [rows, columns]: [&Range<usize>; 2],
         stride: usize,
         sums: &mut [S],
@@ -260,7 +265,7 @@ impl Blur<'_> {
         let reach = self.weights.reach;
         let seen = rows.start.saturating_sub(reach)..rows.end + reach;
         let mut is_any = false;
-        let Channel { bands, channel, convert } = source;
+        let Channel { bands, read } = source;
         for strip in bands.strips(self.rung, self.halvings, seen.clone()) {
             let first = strip.held.start.max(columns.start.saturating_sub(reach));
             let end = strip.held.end.min(columns.end + reach);
@@ -269,10 +274,8 @@ impl Blur<'_> {
             }
             is_any = true;
             for row in strip.rows.start.max(seen.start)..strip.rows.end.min(seen.end) {
-                let from = strip.row(channel, row, first..end);
                 let start = (row + reach + 1 - rows.start) * stride + first + reach - columns.start;
-                let to = &mut sums[start..start + from.len()];
-                to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
+                read(strip, row, first..end, &mut sums[start..start + (end - first)]);
             }
         }
         is_any
@@ -281,21 +284,19 @@ impl Blur<'_> {
     /// Adds what a rung holds, where its blur is the identity.
     fn copy<T: Scalar, S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(T) -> S + Copy>,
+        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
         [rows, columns]: &Part,
         out: &mut [S],
     ) {
-        let Channel { bands, channel, convert } = source;
+        let Channel { bands, read } = source;
         for strip in bands.strips(self.rung, self.halvings, rows.clone()) {
             let held = strip.held.start.max(columns.start)..strip.held.end.min(columns.end);
             if held.is_empty() {
                 continue;
             }
             for row in strip.rows.start.max(rows.start)..strip.rows.end.min(rows.end) {
-                let from = strip.row(channel, row, held.clone());
                 let start = (row - rows.start) * columns.len() + held.start - columns.start;
-                let to = &mut out[start..start + from.len()];
-                to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
+                read(strip, row, held.clone(), &mut out[start..start + held.len()]);
             }
         }
     }
@@ -443,8 +444,9 @@ mod tests {
         bands
     }
 
-    fn channel(bands: Bands<'_, f64>) -> Channel<'_, f64, impl Fn(f64) -> f64 + Copy> {
-        Channel { bands, channel: 0, convert: |number| number }
+    /// The only channel.
+    fn read(strip: &Strip<f64>, row: usize, columns: Range<usize>, to: &mut [f64]) {
+        add_each(to, strip.row(0, row, columns), |number| number);
     }
 
     fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -473,7 +475,7 @@ mod tests {
             let part = [3..34, 2..44];
             let mut out = vec![f64::NAN; 31 * 42];
             let source = Bands { bands: &source, first: 0 };
-            blur.apply(channel(source), &part, &mut Memory::default(), &mut out);
+            blur.apply(Channel { bands: source, read }, &part, &mut Memory::default(), &mut out);
             for (row, column) in [(3, 2), (33, 43), (17, 20), (5, 40)] {
                 // A column's running sums, one change of weight after another; or its pixels.
                 let below = |row: isize, column: isize| -> f64 {
@@ -506,7 +508,7 @@ mod tests {
             let mut out = vec![f64::NAN; SIZE.pixels()];
             let source = Bands { bands: &source, first: 0 };
             let part = [0..SIZE.height, 0..SIZE.width];
-            blur.apply(channel(source), &part, &mut Memory::default(), &mut out);
+            blur.apply(Channel { bands: source, read }, &part, &mut Memory::default(), &mut out);
             assert!(out.iter().all(|value| (value - 0.7).abs() < 1e-13), "{halvings}");
         }
     }
@@ -528,7 +530,7 @@ mod tests {
                 let pixels = part[0].len() * part[1].len();
                 let bar: Vec<_> = (0..pixels).map(|k| number(k + 31 * start)).collect();
                 let mut out = vec![f64::NAN; pixels];
-                blur.apply(channel(source), &part, memory, &mut out);
+                blur.apply(Channel { bands: source, read }, &part, memory, &mut out);
                 forward += dot(&out, &bar);
                 let small_part = blur.small_part(&part);
                 let mut strips = Strips::default();
@@ -541,7 +543,7 @@ mod tests {
             let turned = Blur { weights: &turned, ..blur };
             let mut image_bar = vec![f64::NAN; small.pixels()];
             let all = [0..small.height, 0..small.width];
-            turned.convolve(channel(bars), &all, memory, &mut image_bar);
+            turned.convolve(Channel { bands: bars, read }, &all, memory, &mut image_bar);
             let backward = dot(&image, &image_bar);
             assert!((forward - backward).abs() < 1e-11, "{halvings}: {forward}, {backward}");
         }

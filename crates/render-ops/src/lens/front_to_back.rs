@@ -225,10 +225,10 @@ impl<T: Scalar> Sight<T> {
             let start = strip.offset(row, columns.start);
             let seen = &mut own_seen[start..start + count];
             let shares = &mut own_shares[start..start + count];
-            let alphas = strip.row(channels, row, columns.clone());
+            let alphas = strip.alpha_row(row, columns.clone());
             let (total, hidden) = (&mut self.total[range.clone()], &self.hidden[..count]);
             for x in 0..count {
-                let [v, q] = see(alphas[x].widen(), hidden[x], total[x], rounding);
+                let [v, q] = see(alphas[x], hidden[x], total[x], rounding);
                 (seen[x], shares[x]) = (v, q);
                 total[x] += v;
             }
@@ -298,7 +298,7 @@ impl<T: Scalar> Sight<T> {
             sight.add(&strips[..=index], gaps, channels, &mut []);
             for row in strip.rows.clone() {
                 sight.hide(&strips[..index], gaps, strip, row);
-                let alphas = strip.row(channels, row, strip.columns.clone());
+                let alphas = strip.alpha_row(row, strip.columns.clone());
                 let range = sight.range(row, &strip.columns);
                 for ((&alpha, &hidden), &total) in
                     alphas.iter().zip(&sight.hidden).zip(&total[range])
@@ -307,7 +307,7 @@ impl<T: Scalar> Sight<T> {
                     let (unhidden, left) = (one - hidden, one - total);
                     let is_seen = unhidden > zero && left > rounding::<T>();
                     // Where both arguments are equal rounding decides, and the slopes are equal, too.
-                    let is_cut = alpha.widen() * through(unhidden) - left > rounding::<T>();
+                    let is_cut = alpha * through(unhidden) - left > rounding::<T>();
                     let place = u64::from(is_seen) + 2 * u64::from(is_cut) + 5 * strip.rung as u64;
                     piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
                 }
@@ -397,7 +397,7 @@ impl<T: Scalar> Sight<T> {
         bar: &mut Strip<T>,
     ) {
         let (strip, before) = (&strips[index], &strips[..index]);
-        let channels = strip.values.len() / strip.plane().max(1) - 1;
+        let channels = strip.values.len() / strip.plane().max(1);
         let columns = strip.columns.clone();
         let count = columns.len();
         for row in strip.rows.clone() {
@@ -412,11 +412,11 @@ impl<T: Scalar> Sight<T> {
                 [&self.dots, &self.shares, &self.seen_bars].map(|list| &list[index][ends.clone()]);
             let total = &self.total[range.clone()];
             let total_bar = &mut self.total_bar[range.clone()];
-            let alphas = strip.row(channels, row, columns.clone());
-            let alpha_bar = bar.row_mut(channels, row, columns.clone());
+            let alphas = strip.alpha_row(row, columns.clone());
+            let alpha_bar = &mut bar.alphas[start..start + count];
             let zero = T::Wide::ZERO;
             for x in 0..count {
-                let (q, alpha) = (size(shares[x]), alphas[x].widen());
+                let (q, alpha) = (size(shares[x]), alphas[x]);
                 let is_left = shares[x] < zero;
                 let is_seen = q > zero;
                 let q_bar = dots[x] / total[x];
@@ -426,13 +426,14 @@ impl<T: Scalar> Sight<T> {
                 let bar = if is_left { -(q * by_alpha) } else { q * v_bar };
                 let by_hidden = -(q_bar + alpha * v_bar) * through_slope(q);
                 let hidden = if is_left { zero } else { by_hidden };
-                alpha_bar[x] = T::narrow(if is_seen { bar } else { zero });
+                alpha_bar[x] = if is_seen { bar } else { zero };
                 hidden_bar[x] = if is_seen { hidden } else { zero };
                 total_bar[x] -= if is_seen { taken } else { zero };
             }
             let out_bar = &out_bar[range.start * channels..range.end * channels];
             for channel in 0..channels {
-                let color_bar = bar.row_mut(channel, row, columns.clone());
+                let first = channel * strip.plane() + start;
+                let color_bar = &mut bar.values[first..first + count];
                 for x in 0..count {
                     let q = size(shares[x]);
                     let share = if q > zero { q / total[x] } else { zero };
@@ -508,7 +509,8 @@ mod tests {
             rows: 0..1,
             columns: 0..1,
             held: 0..1,
-            values: vec![color, alpha],
+            values: vec![color],
+            alphas: vec![alpha],
         };
         given.iter().map(strip).collect()
     }
@@ -566,7 +568,7 @@ mod tests {
                     picture(&moved, &gaps).0
                 };
                 let slope = (picture(1e-6) - picture(-1e-6)) / 2e-6;
-                let found = bars[k].values[entry];
+                let found = [bars[k].values[0], bars[k].alphas[0]][entry];
                 assert!((found - slope).abs() < 1e-8, "{k}, {entry}: {found} is not {slope}");
             }
         }

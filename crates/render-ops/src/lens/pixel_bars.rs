@@ -152,9 +152,9 @@ impl<T: Scalar> BandBars<T> {
                 continue;
             };
             let weight = T::Wide::from_f64(frame.mean_weight(halvings, [row, column]));
-            let numbers = strip.values[offset..].iter().step_by(strip.plane());
-            for (to, number) in beside.iter_mut().zip(numbers) {
-                *to = *number * weight;
+            let colors = strip.values[offset..].iter().step_by(strip.plane());
+            for (to, &number) in beside.iter_mut().zip(colors.chain([&strip.alphas[offset]])) {
+                *to = number * weight;
             }
         }
     }

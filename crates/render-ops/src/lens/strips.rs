@@ -15,20 +15,29 @@ use crate::size::Size;
 pub(super) const ROWS: usize = 1 << MOST_HALVINGS;
 
 /// A part of a rung.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Strip<T> {
+#[derive(Debug, Clone)]
+pub(super) struct Strip<T: Scalar> {
     pub(super) rung: usize,
     /// Rows and columns at the rung's size.
     pub(super) rows: Range<usize>,
     pub(super) columns: Range<usize>,
     /// The columns between which it is not 0 everywhere.
     pub(super) held: Range<usize>,
-    /// For each channel its numbers, row by row.
+    /// For each channel of colours its numbers, row by row.
     pub(super) values: Vec<T>,
+    /// The alphas, which are wide: what is seen of what lies behind is what they leave.
+    pub(super) alphas: Vec<T::Wide>,
+}
+
+impl<T: Scalar> Default for Strip<T> {
+    fn default() -> Self {
+        let [rows, columns, held] = [0..0, 0..0, 0..0];
+        Self { rung: 0, rows, columns, held, values: Vec::new(), alphas: Vec::new() }
+    }
 }
 
 impl<T: Scalar> Strip<T> {
-    /// Makes it a strip of so many channels; its numbers are whatever they were.
+    /// Makes it a strip of so many channels of colours; its numbers are whatever they were.
     pub(super) fn reset(
         &mut self,
         rung: usize,
@@ -38,12 +47,8 @@ impl<T: Scalar> Strip<T> {
         self.rung = rung;
         self.held = columns.clone();
         (self.rows, self.columns) = (rows, columns);
-        let length = channels * self.plane();
-        if self.values.len() > length {
-            self.values.truncate(length);
-        } else {
-            self.values.resize(length, T::ZERO);
-        }
+        self.values.resize(channels * self.plane(), T::ZERO);
+        self.alphas.resize(self.plane(), T::Wide::ZERO);
     }
 
     /// How many numbers a channel has.
@@ -82,25 +87,26 @@ impl<T: Scalar> Strip<T> {
         &self.values[start..start + columns.len()]
     }
 
-    /// The same, to write.
+    /// The alphas of some columns of a row.
     #[inline(always)]
-    pub(super) fn row_mut(
-        &mut self,
-        channel: usize,
-        row: usize,
-        columns: Range<usize>,
-    ) -> &mut [T] {
-        let start = channel * self.plane() + self.offset(row, columns.start);
-        &mut self.values[start..start + columns.len()]
+    pub(super) fn alpha_row(&self, row: usize, columns: Range<usize>) -> &[T::Wide] {
+        let start = self.offset(row, columns.start);
+        &self.alphas[start..start + columns.len()]
     }
 }
 
 /// The strips of a band, in the order of their rungs.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Strips<T> {
+#[derive(Debug, Clone)]
+pub(super) struct Strips<T: Scalar> {
     /// Those in use, and memory of others.
     strips: Vec<Strip<T>>,
     used: usize,
+}
+
+impl<T: Scalar> Default for Strips<T> {
+    fn default() -> Self {
+        Self { strips: Vec::new(), used: 0 }
+    }
 }
 
 impl<T: Scalar> Strips<T> {
@@ -133,13 +139,15 @@ impl<T: Scalar> Strips<T> {
 
     /// The bytes that it holds, for reports.
     pub(super) fn bytes(&self) -> usize {
-        self.as_slice().iter().map(|strip| size_of_val(&strip.values[..])).sum()
+        let bytes =
+            |strip: &Strip<T>| size_of_val(&strip.values[..]) + size_of_val(&strip.alphas[..]);
+        self.as_slice().iter().map(bytes).sum()
     }
 }
 
 /// The strips of neighbouring bands, the first of which starts at row `first` of the image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bands<'a, T> {
+pub(super) struct Bands<'a, T: Scalar> {
     pub(super) bands: &'a [Strips<T>],
     pub(super) first: usize,
 }
