@@ -59,7 +59,7 @@ pub(super) struct Bench<T: Scalar> {
     wide_blur: blur::Memory<T::Wide>,
     sight: Sight<T>,
     /// The gradients of blurred rungs.
-    bars: Strips<T>,
+    bars: Strips<T::Wide>,
 }
 
 impl<T: Scalar> Default for Bench<T> {
@@ -226,7 +226,12 @@ impl<T: Scalar> Passes<'_, T> {
     }
 
     /// The gradients of the rungs at their own sizes, before their blurs, of the picture's gradients `out_bar`.
-    pub(super) fn pull_back_seen(&self, bands: &[Band<T>], out_bar: &[T], bars: &mut [Strips<T>]) {
+    pub(super) fn pull_back_seen(
+        &self,
+        bands: &[Band<T>],
+        out_bar: &[T],
+        bars: &mut [Strips<T::Wide>],
+    ) {
         let Self { blurs, frame, benches } = *self;
         let Size { width, height } = frame.shown_size();
         let row = out_bar.len() / height;
@@ -237,8 +242,7 @@ impl<T: Scalar> Passes<'_, T> {
             let part = frame.shown(band);
             let out_bar = &out_bar[(part[0].start - frame.margin) * row..][..part[0].len() * row];
             benches.with(|bench| {
-                let Bench { blur: memory, wide_blur: wide_memory, sight, bars: shown_bars, .. } =
-                    bench;
+                let Bench { wide_blur: memory, sight, bars: shown_bars, .. } = bench;
                 shown_bars.clear();
                 for strip in blurred {
                     let place = [strip.rows.clone(), strip.columns.clone()];
@@ -256,7 +260,7 @@ impl<T: Scalar> Passes<'_, T> {
                     for (from, to) in pairs.zip(to.values.chunks_exact_mut(small_plane)) {
                         blur.pull_back_size(from, &place, memory, to);
                     }
-                    blur.pull_back_size(&from.alphas, &place, wide_memory, &mut to.alphas);
+                    blur.pull_back_size(&from.alphas, &place, memory, &mut to.alphas);
                 }
             });
         });
@@ -267,7 +271,7 @@ impl<T: Scalar> Passes<'_, T> {
         &self,
         view: &View<'_, T>,
         source: &Strips<T>,
-        bars: &[Strips<T>],
+        bars: &[Strips<T::Wide>],
         band: usize,
         found: &mut BandBars<T>,
         bench: &mut Bench<T>,
@@ -288,8 +292,7 @@ impl<T: Scalar> Passes<'_, T> {
             to.reset(strip.rung, view.channels, place.clone());
             let plane = to.plane();
             for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
-                // Neighbouring rungs have nearly the same gradients, and the circle's is their difference.
-                let read = color_reader(channel, T::widen);
+                let read = color_reader(channel, |number: T::Wide| number);
                 adjoint.convolve(Channel { bands: bars, read }, &place, &mut bench.wide_blur, out);
             }
             let channel = Channel { bands: bars, read: read_alphas };

@@ -317,13 +317,14 @@ impl<T: Scalar> Sight<T> {
     }
 
     /// The gradients of `strips`, all that were added, in `bars` of the same form: of the gradient `out_bar` of
-    /// the picture, whose channels are interleaved.
+    /// the picture, whose channels are interleaved. They are wide: the gradient of a circle is a difference of
+    /// those of neighbouring rungs.
     pub(super) fn pull_back(
         &mut self,
         strips: &[Strip<T>],
         gaps: &Gaps,
         out_bar: &[T],
-        bars: &mut [Strip<T>],
+        bars: &mut [Strip<T::Wide>],
     ) {
         crate::dispatch::dispatch_256::<T, _>(
             #[inline(always)]
@@ -337,7 +338,7 @@ impl<T: Scalar> Sight<T> {
         strips: &[Strip<T>],
         gaps: &Gaps,
         out_bar: &[T],
-        bars: &mut [Strip<T>],
+        bars: &mut [Strip<T::Wide>],
     ) {
         let part = self.part.clone();
         let channels = out_bar.len() / (part[0].len() * part[1].len());
@@ -394,7 +395,7 @@ impl<T: Scalar> Sight<T> {
         index: usize,
         gaps: &Gaps,
         out_bar: &[T],
-        bar: &mut Strip<T>,
+        bar: &mut Strip<T::Wide>,
     ) {
         let (strip, before) = (&strips[index], &strips[..index]);
         let channels = strip.values.len() / strip.plane().max(1);
@@ -437,7 +438,7 @@ impl<T: Scalar> Sight<T> {
                 for x in 0..count {
                     let q = size(shares[x]);
                     let share = if q > zero { q / total[x] } else { zero };
-                    color_bar[x] = T::narrow(share * out_bar[x * channels + channel].widen());
+                    color_bar[x] = share * out_bar[x * channels + channel].widen();
                 }
             }
             self.pull_back_hiding(before, gaps, strip, row);

@@ -334,7 +334,7 @@ struct Saved<T: Scalar> {
     piece: u64,
     benches: Workbench<Bench<T>>,
     /// Memory of a backward pass: by band of what is shown, and of the image.
-    strip_bars: Vec<Strips<T>>,
+    strip_bars: Vec<Strips<T::Wide>>,
     band_bars: Vec<BandBars<T>>,
 }
 
