@@ -37,7 +37,7 @@ pub(super) struct Told {
 /// A band of the picture: its blurred rungs, where they are seen, and which smooth piece they lie on.
 #[derive(Debug)]
 pub(super) struct Band<T: Scalar> {
-    pub(super) blurred: Strips<T>,
+    pub(super) blurred: Strips<T::Wide>,
     pub(super) piece: u64,
 }
 
@@ -55,8 +55,8 @@ pub(super) struct Bench<T: Scalar> {
     pub(super) link_bars: Vec<LinkBar<T::Wide>>,
     /// Per rung: its strip, counted from 1.
     slots: Vec<u32>,
-    blur: blur::Memory<T>,
-    wide_blur: blur::Memory<T::Wide>,
+    blur: blur::Memory<T::Wide>,
+    picture: Vec<T::Wide>,
     sight: Sight<T>,
     /// The gradients of blurred rungs.
     bars: Strips<T::Wide>,
@@ -70,7 +70,7 @@ impl<T: Scalar> Default for Bench<T> {
             link_bars: Vec::new(),
             slots: Vec::new(),
             blur: blur::Memory::default(),
-            wide_blur: blur::Memory::default(),
+            picture: Vec::new(),
             sight: Sight::default(),
             bars: Strips::default(),
         }
@@ -186,9 +186,10 @@ impl<T: Scalar> Passes<'_, T> {
         for_each_two_pieces_mut(bands, out, [1, ROWS * row], |band, own, out| {
             let (own, part) = (&mut own[0], frame.shown(band));
             own.blurred.clear();
-            out.fill(T::ZERO);
             benches.with(|bench| {
-                let Bench { blur: memory, wide_blur: wide_memory, sight, .. } = bench;
+                let Bench { blur: memory, picture, sight, .. } = bench;
+                picture.clear();
+                picture.resize(out.len(), T::Wide::ZERO);
                 sight.begin(&part);
                 for rung in 0..blurs.rungs.count() {
                     let Some([blur, _]) = blurs.blur(rung, frame.size) else { continue };
@@ -202,19 +203,20 @@ impl<T: Scalar> Passes<'_, T> {
                     strip.reset(rung, channels, target.clone());
                     let plane = strip.plane();
                     for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
-                        let read = color_reader(channel, |number: T| number);
+                        let read = color_reader(channel, T::widen);
                         blur.apply(Channel { bands: source, read }, &target, memory, out);
                     }
                     let channel = Channel { bands: source, read: read_alphas };
-                    blur.apply(channel, &target, wide_memory, &mut strip.alphas);
-                    sight.add(own.blurred.as_slice(), &blurs.gaps, channels, out);
+                    blur.apply(channel, &target, memory, &mut strip.alphas);
+                    sight.add(own.blurred.as_slice(), &blurs.gaps, channels, picture);
                 }
-                for (out, &total) in out.chunks_exact_mut(channels).zip(&sight.total) {
+                let pixels = picture.chunks_exact(channels).zip(&sight.total);
+                for (out, (picture, &total)) in out.chunks_exact_mut(channels).zip(pixels) {
                     // The background, where nothing at all is seen.
                     let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
-                    let scale = T::narrow(if total > zero { one / total } else { zero });
-                    for (out, &reference) in out.iter_mut().zip(reference) {
-                        *out = reference + *out * scale;
+                    let scale = if total > zero { one / total } else { zero };
+                    for ((out, &sum), &reference) in out.iter_mut().zip(picture).zip(reference) {
+                        *out = T::narrow(reference.widen() + sum * scale);
                     }
                 }
                 own.piece = match tells_piece {
@@ -242,7 +244,7 @@ impl<T: Scalar> Passes<'_, T> {
             let part = frame.shown(band);
             let out_bar = &out_bar[(part[0].start - frame.margin) * row..][..part[0].len() * row];
             benches.with(|bench| {
-                let Bench { wide_blur: memory, sight, bars: shown_bars, .. } = bench;
+                let Bench { blur: memory, sight, bars: shown_bars, .. } = bench;
                 shown_bars.clear();
                 for strip in blurred {
                     let place = [strip.rows.clone(), strip.columns.clone()];
@@ -293,10 +295,10 @@ impl<T: Scalar> Passes<'_, T> {
             let plane = to.plane();
             for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
                 let read = color_reader(channel, |number: T::Wide| number);
-                adjoint.convolve(Channel { bands: bars, read }, &place, &mut bench.wide_blur, out);
+                adjoint.convolve(Channel { bands: bars, read }, &place, &mut bench.blur, out);
             }
             let channel = Channel { bands: bars, read: read_alphas };
-            adjoint.convolve(channel, &place, &mut bench.wide_blur, &mut to.alphas);
+            adjoint.convolve(channel, &place, &mut bench.blur, &mut to.alphas);
             found.slots[strip.rung] = found.at_rungs.as_slice().len() as u32;
         }
         let Bench { row, parts, link_bars, .. } = bench;

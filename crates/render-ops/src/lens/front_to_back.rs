@@ -64,15 +64,8 @@ impl Gaps {
     }
 }
 
-/// What is left of the lens is rounding, where it is less than so many units in the last place of 1.
-const ROUNDING: f64 = 64.0;
-
-fn rounding<T: Scalar>() -> T::Wide {
-    // Half of a digit that single numbers lack, or double ones.
-    let is_single = T::from_f64(1.0 + 1e-10).to_f64() == 1.0;
-    let unit = if is_single { f64::from(f32::EPSILON) } else { f64::EPSILON };
-    T::Wide::from_f64(ROUNDING * unit)
-}
+/// What is left of the lens is rounding, where it is less.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// The lens of each pixel of a part of the picture, while its rungs are put together.
 #[derive(Debug)]
@@ -184,7 +177,7 @@ impl<T: Scalar> Sight<T> {
     /// The columns between which something is left of the lens.
     pub(super) fn unfilled(&self) -> Range<usize> {
         let [_, columns] = &self.part;
-        let (width, full) = (columns.len(), T::Wide::ONE - rounding::<T>());
+        let (width, full) = (columns.len(), T::Wide::ONE - T::Wide::from_f64(ROUNDING));
         let (mut first, mut end) = (width, 0);
         for row in self.total.chunks_exact(width.max(1)) {
             let is_left = |total: &T::Wide| *total < full;
@@ -197,7 +190,13 @@ impl<T: Scalar> Sight<T> {
 
     /// Finds what is seen of the last of `strips`, after those before it; adds its colours to `out`, whose
     /// channels are interleaved.
-    pub(super) fn add(&mut self, strips: &[Strip<T>], gaps: &Gaps, channels: usize, out: &mut [T]) {
+    pub(super) fn add(
+        &mut self,
+        strips: &[Strip<T::Wide>],
+        gaps: &Gaps,
+        channels: usize,
+        out: &mut [T::Wide],
+    ) {
         crate::dispatch::dispatch_256::<T, _>(
             #[inline(always)]
             || self.add_strip(strips, gaps, channels, out),
@@ -205,7 +204,13 @@ impl<T: Scalar> Sight<T> {
     }
 
     #[inline(always)]
-    fn add_strip(&mut self, strips: &[Strip<T>], gaps: &Gaps, channels: usize, out: &mut [T]) {
+    fn add_strip(
+        &mut self,
+        strips: &[Strip<T::Wide>],
+        gaps: &Gaps,
+        channels: usize,
+        out: &mut [T::Wide],
+    ) {
         let Some((strip, before)) = strips.split_last() else { return };
         self.pass(strips, gaps);
         let index = before.len();
@@ -216,7 +221,7 @@ impl<T: Scalar> Sight<T> {
             [&mut self.seen, &mut self.shares].map(|list| std::mem::take(&mut list[index]));
         own.iter_mut().for_each(|list| list.resize(strip.plane(), T::Wide::ZERO));
         let [own_seen, own_shares] = &mut own;
-        let rounding = rounding::<T>();
+        let rounding = T::Wide::from_f64(ROUNDING);
         let columns = &strip.columns;
         let count = columns.len();
         for row in strip.rows.clone() {
@@ -239,7 +244,7 @@ impl<T: Scalar> Sight<T> {
             for channel in 0..channels {
                 let colors = strip.row(channel, row, columns.clone());
                 for x in 0..count {
-                    out[x * channels + channel] += T::narrow(size(shares[x])) * colors[x];
+                    out[x * channels + channel] += size(shares[x]) * colors[x];
                 }
             }
         }
@@ -248,7 +253,7 @@ impl<T: Scalar> Sight<T> {
 
     /// Lets those rungs pass that are far in front of the last one.
     #[inline(always)]
-    fn pass(&mut self, strips: &[Strip<T>], gaps: &Gaps) {
+    fn pass(&mut self, strips: &[Strip<T::Wide>], gaps: &Gaps) {
         let Some((strip, before)) = strips.split_last() else { return };
         while self.passed < before.len() && gaps.of(before[self.passed].rung, strip.rung) >= 1.0 {
             let other = &before[self.passed];
@@ -267,7 +272,7 @@ impl<T: Scalar> Sight<T> {
 
     /// F of a row of a strip, in `hidden`.
     #[inline(always)]
-    fn hide(&mut self, before: &[Strip<T>], gaps: &Gaps, strip: &Strip<T>, row: usize) {
+    fn hide(&mut self, before: &[Strip<T::Wide>], gaps: &Gaps, strip: &Strip<T::Wide>, row: usize) {
         let columns = &strip.columns;
         let range = self.range(row, columns);
         self.hidden.clear();
@@ -289,7 +294,7 @@ impl<T: Scalar> Sight<T> {
     }
 
     /// A number that tells on which smooth piece the strips lie that were added.
-    pub(super) fn piece(&self, strips: &[Strip<T>], gaps: &Gaps, channels: usize) -> u64 {
+    pub(super) fn piece(&self, strips: &[Strip<T::Wide>], gaps: &Gaps, channels: usize) -> u64 {
         let mut sight = Self::default();
         sight.begin(&self.part);
         let mut piece = 0_u64;
@@ -305,9 +310,9 @@ impl<T: Scalar> Sight<T> {
                 {
                     let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
                     let (unhidden, left) = (one - hidden, one - total);
-                    let is_seen = unhidden > zero && left > rounding::<T>();
+                    let is_seen = unhidden > zero && left > T::Wide::from_f64(ROUNDING);
                     // Where both arguments are equal rounding decides, and the slopes are equal, too.
-                    let is_cut = alpha * through(unhidden) - left > rounding::<T>();
+                    let is_cut = alpha * through(unhidden) - left > T::Wide::from_f64(ROUNDING);
                     let place = u64::from(is_seen) + 2 * u64::from(is_cut) + 5 * strip.rung as u64;
                     piece = (piece ^ place).wrapping_mul(0x0100_0000_01b3);
                 }
@@ -321,7 +326,7 @@ impl<T: Scalar> Sight<T> {
     /// those of neighbouring rungs.
     pub(super) fn pull_back(
         &mut self,
-        strips: &[Strip<T>],
+        strips: &[Strip<T::Wide>],
         gaps: &Gaps,
         out_bar: &[T],
         bars: &mut [Strip<T::Wide>],
@@ -335,7 +340,7 @@ impl<T: Scalar> Sight<T> {
     #[inline(always)]
     fn pull_back_strips(
         &mut self,
-        strips: &[Strip<T>],
+        strips: &[Strip<T::Wide>],
         gaps: &Gaps,
         out_bar: &[T],
         bars: &mut [Strip<T::Wide>],
@@ -362,7 +367,7 @@ impl<T: Scalar> Sight<T> {
 
     /// The dot products of a strip's colours; takes `V^2 V_bar` from `total_bar`.
     #[inline(always)]
-    fn dot(&mut self, strip: &Strip<T>, index: usize, channels: usize, out_bar: &[T]) {
+    fn dot(&mut self, strip: &Strip<T::Wide>, index: usize, channels: usize, out_bar: &[T]) {
         let columns = &strip.columns;
         let count = columns.len();
         let mut dots = std::mem::take(&mut self.dots[index]);
@@ -376,7 +381,7 @@ impl<T: Scalar> Sight<T> {
             for channel in 0..channels {
                 let colors = strip.row(channel, row, columns.clone());
                 for x in 0..count {
-                    dots[x] += out_bar[x * channels + channel].widen() * colors[x].widen();
+                    dots[x] += out_bar[x * channels + channel].widen() * colors[x];
                 }
             }
             let shares = &self.shares[index][start..start + count];
@@ -391,7 +396,7 @@ impl<T: Scalar> Sight<T> {
     #[inline(always)]
     fn pull_back_strip(
         &mut self,
-        strips: &[Strip<T>],
+        strips: &[Strip<T::Wide>],
         index: usize,
         gaps: &Gaps,
         out_bar: &[T],
@@ -448,7 +453,13 @@ impl<T: Scalar> Sight<T> {
 
     /// Gives F_bar of a row of a strip to those that hide it.
     #[inline(always)]
-    fn pull_back_hiding(&mut self, before: &[Strip<T>], gaps: &Gaps, strip: &Strip<T>, row: usize) {
+    fn pull_back_hiding(
+        &mut self,
+        before: &[Strip<T::Wide>],
+        gaps: &Gaps,
+        strip: &Strip<T::Wide>,
+        row: usize,
+    ) {
         let columns = &strip.columns;
         let range = self.range(row, columns);
         for (far_bar, &hidden_bar) in self.far_bar[range].iter_mut().zip(&self.hidden) {
@@ -472,7 +483,7 @@ impl<T: Scalar> Sight<T> {
 
     /// Gives what has been gathered to the rungs that passed just before a strip.
     #[inline(always)]
-    fn pull_back_passing(&mut self, before: &[Strip<T>]) {
+    fn pull_back_passing(&mut self, before: &[Strip<T::Wide>]) {
         let index = before.len();
         let first = index.checked_sub(1).map_or(0, |last| self.passed_before[last]);
         for passed in first..self.passed_before[index] {

@@ -606,8 +606,8 @@ impl<T: Scalar> Op<T> for DrawLens {
     }
 
     fn saved_bytes(&self, saved: &Saved<T>) -> usize {
-        let blurred = saved.bands.iter().map(|band| &band.blurred);
-        let strips = saved.sources.iter().chain(blurred).map(Strips::bytes).sum::<usize>();
+        let blurred = saved.bands.iter().map(|band| band.blurred.bytes());
+        let strips: usize = saved.sources.iter().map(Strips::bytes).chain(blurred).sum();
         strips + saved.radii.iter().map(|radii| size_of_val(&radii[..])).sum::<usize>()
     }
 }
