@@ -461,7 +461,7 @@ impl DrawLens {
                         let from = bands[band].layers[layer].of_run(list, width, start, run);
                         let to = &mut entries[(run.fragment as usize - first) * width..];
                         for (to, &from) in to.iter_mut().zip(from.unwrap_or_default()) {
-                            *to += from;
+                            *to += T::narrow(from);
                         }
                     }
                 });
@@ -516,7 +516,7 @@ fn add_pieces<T: Scalar>(
     for band in bands {
         for (&piece, bars) in band.pieces.iter().zip(band.piece_bars.chunks_exact(count)) {
             let to = &mut entries[piece as usize * width..][..width];
-            to.iter_mut().zip(&bars[start..]).for_each(|(to, &bar)| *to += bar);
+            to.iter_mut().zip(&bars[start..]).for_each(|(to, &bar)| *to += T::narrow(bar));
         }
     }
 }

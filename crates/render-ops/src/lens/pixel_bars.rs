@@ -12,14 +12,14 @@ use crate::runs::Run;
 
 /// Gradients of a layer's fragments at pixel centres, by the pixels of a band.
 #[derive(Debug, Default)]
-pub(super) struct LayerBars<T> {
+pub(super) struct LayerBars<S> {
     /// Whether there are any; the lists are empty before.
     is_used: bool,
     /// Of the colours, the alphas, and the distances.
-    lists: [Vec<T>; 3],
+    lists: [Vec<S>; 3],
 }
 
-impl<T: Scalar> LayerBars<T> {
+impl<S: Scalar> LayerBars<S> {
     /// The gradients of a run: of colours, alphas or distances, `width` numbers each.
     pub(super) fn of_run(
         &self,
@@ -27,7 +27,7 @@ impl<T: Scalar> LayerBars<T> {
         width: usize,
         first: usize,
         run: &Run,
-    ) -> Option<&[T]> {
+    ) -> Option<&[S]> {
         let pixels = run.pixels();
         let range = (pixels.start - first) * width..(pixels.end - first) * width;
         self.is_used.then(|| &self.lists[list][range])
@@ -40,10 +40,10 @@ pub(super) struct BandBars<T: Scalar> {
     pub(super) at_rungs: Strips<T::Wide>,
     /// Per rung: its strip of `at_rungs`, counted from 1; 0 where it has none.
     pub(super) slots: Vec<u32>,
-    pub(super) layers: Vec<LayerBars<T>>,
+    pub(super) layers: Vec<LayerBars<T::Wide>>,
     /// Visible pieces, and for each its gradients: of the colour, of the alpha, of the distance.
     pub(super) pieces: Vec<u32>,
-    pub(super) piece_bars: Vec<T>,
+    pub(super) piece_bars: Vec<T::Wide>,
     /// Visible pieces, and the gradients of their weights.
     pub(super) weights: Vec<(u32, T::Wide)>,
     /// Of aperture and focus.
@@ -270,8 +270,8 @@ impl<T: Scalar> BandBars<T> {
         }
         if surface.layer == 0 && surface.fragment as usize >= view.centers() {
             self.pieces.push(surface.fragment);
-            self.piece_bars.extend(bars.iter().map(|&bar| T::narrow(share * bar)));
-            self.piece_bars.push(T::narrow(distance_bar));
+            self.piece_bars.extend(bars.iter().map(|&bar| share * bar));
+            self.piece_bars.push(distance_bar);
             return;
         }
         let LayerBars { is_used, lists } = &mut self.layers[surface.layer as usize];
@@ -279,13 +279,13 @@ impl<T: Scalar> BandBars<T> {
             *is_used = true;
             for (list, width) in lists.iter_mut().zip([channels, 1, 1]) {
                 list.clear();
-                list.resize(self.pixels * width, T::ZERO);
+                list.resize(self.pixels * width, T::Wide::ZERO);
             }
         }
         let [colors, alphas, distances] = lists;
         let to = &mut colors[pixel * channels..][..channels];
-        to.iter_mut().zip(bars).for_each(|(to, &bar)| *to += T::narrow(share * bar));
-        alphas[pixel] += T::narrow(share * bars[channels]);
-        distances[pixel] += T::narrow(distance_bar);
+        to.iter_mut().zip(bars).for_each(|(to, &bar)| *to += share * bar);
+        alphas[pixel] += share * bars[channels];
+        distances[pixel] += distance_bar;
     }
 }
