@@ -21,6 +21,15 @@
 //! the size, those of 24 and more at a quarter, and so on to a sixteenth. A backward pass holds the gradients of
 //! blurred rungs at their own sizes, and those of fragments by pixel.
 //!
+//! # Cost
+//! 1024 x 1024 pixels, three channels, `f32`, two threads, three hidden layers, in milliseconds; peeling these takes
+//! longer. Behind it the backward pass with all gradients.
+//!
+//! | aperture, pixels | 5 | 20 | 80 |
+//! |---|---|---|---|
+//! | a board in front of a wall in focus | 55, 79 | 52, 77 | 47, 81 |
+//! | a floor from the eye through the focus | 65, 95 | 81, 115 | 98, 162 |
+//!
 //! # Limits
 //! What no ray through the middle of the lens meets is not known: the far side of a ball's rim, and surfaces
 //! behind those of the last layer. In focus a surface has no gradient by its distance: its circle is at its

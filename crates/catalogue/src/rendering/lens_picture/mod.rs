@@ -4,7 +4,7 @@ mod extremes;
 
 use std::sync::Arc;
 
-use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Law, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Fragments, Iris, LensLayer, Size, ThinLens, ThinLensOptions, depth_layers,
@@ -34,7 +34,9 @@ pub(crate) fn entry() -> Entry {
                 Case::new(Hidden { scene, background }, inputs)
             });
             let check = Check::from_cases(format!("lens_picture, {kind}, {background}"), cases);
-            entry.check(check);
+            // One case has a gradient of 1e-7 left of terms of 1e-3, and in `f32` four of its digits.
+            let is_cancelled = kind == "faces beside pixel centres" && background == 0;
+            entry.check(if is_cancelled { check.except(Law::Precision) } else { check });
         }
     }
     let exact = (0.3..1.5, 1.8..2.2, 0..100_usize).prop_map(|(aperture, focus, seed)| {
