@@ -17,16 +17,25 @@ const POWERS: [i32; 2] = [-40, 40];
 
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
-    let with = |upstream: &[Tensor<f64>]| -> Result<Run<f64>, Broken> {
-        let run = run(&*trial.case.subject, &trial.point, upstream);
-        run.map_err(|error| Broken::from_message(error.to_string()))
-    };
-    let times = |factor: f64| -> Vec<Tensor<f64>> {
-        trial.upstream.iter().map(|u| u.map(|u| u * factor)).collect()
-    };
+    check_powers(trial, &mut tally)?;
+    check_sum(trial, &mut tally)?;
+    Ok(tally)
+}
+
+/// The subject, with other upstream gradients.
+fn run_with(trial: &Trial, upstream: &[Tensor<f64>]) -> Result<Run<f64>, Broken> {
+    let run = run(&*trial.case.subject, &trial.point, upstream);
+    run.map_err(|error| Broken::from_message(error.to_string()))
+}
+
+fn times(trial: &Trial, factor: f64) -> Vec<Tensor<f64>> {
+    trial.upstream.iter().map(|u| u.map(|u| u * factor)).collect()
+}
+
+fn check_powers(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     for power in POWERS {
         let factor = f64::from(power).exp2();
-        let run = with(&times(factor))?;
+        let run = run_with(trial, &times(trial, factor))?;
         for ((i, gradient), scaled) in trial.gradients().zip(run.gradients.iter().flatten()) {
             for (k, (&scaled, &entry_of)) in scaled.data().iter().zip(gradient.data()).enumerate() {
                 let expected = entry_of * factor;
@@ -40,13 +49,18 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
             }
         }
     }
+    Ok(())
+}
+
+fn check_sum(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let other: Vec<_> = trial.upstream.iter().zip(501..).map(|(u, j)| noise(u, j)).collect();
     let add = |(u, v): (&Tensor<f64>, &Tensor<f64>)| {
         Tensor::from_flat_fn(u.shape(), |k| u.data()[k] + v.data()[k])
     };
     let both: Vec<_> = trial.upstream.iter().zip(&other).map(add).collect();
     let upstream = other.clone();
-    let (other, both, none) = (with(&other)?, with(&both)?, with(&times(0.0))?);
+    let with = |upstream: &[Tensor<f64>]| run_with(trial, upstream);
+    let (other, both, none) = (with(&other)?, with(&both)?, with(&times(trial, 0.0))?);
     for (i, gradient) in trial.gradients() {
         let gradient_of =
             |run: &Run<f64>| run.gradients[i].clone().expect("a differentiable input");
@@ -75,5 +89,5 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
             })?;
         }
     }
-    Ok(tally)
+    Ok(())
 }

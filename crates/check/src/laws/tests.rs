@@ -184,6 +184,22 @@ fn a_gradient_that_cancels_is_as_rough_as_the_inputs() {
     assert_eq!(report.tally(Law::Curvature).left_out, 0, "{report}");
 }
 
+/// The gradient is left of terms that are a million times as large, and is as rough as these.
+#[test]
+fn a_gradient_that_is_left_of_large_terms_is_linear_to_their_rounding() {
+    subject!(Rest: |x| x[0] * x[1] - x[0] * x[2]);
+    let numbers = (0.5..2.0).prop_map(|level: f64| {
+        let row = |start: f64| {
+            Input::constant(Tensor::from_flat_fn([9], |k| 1e6 + start + (k as f64 + level).sin()))
+        };
+        vec![Input::leaf(Tensor::full([9], level)), row(0.7), row(0.0)]
+    });
+    let others = [Law::Precision, Law::Adjoint, Law::Accumulation];
+    let check = others.into_iter().fold(Check::new("rest", Rest, numbers), Check::except);
+    let report = check.run().unwrap_or_else(|failure| panic!("{failure}"));
+    assert!(report.tally(Law::Linearity).compared > 0, "{report}");
+}
+
 #[test]
 fn a_failure_is_shrunk_to_one_entry() {
     let failure = check(Fault::Gradient).expect_err("a mistake");
