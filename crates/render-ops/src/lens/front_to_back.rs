@@ -530,7 +530,7 @@ mod tests {
     /// The picture of rungs at a pixel, and q of each as `see` gives it.
     fn picture(given: &[(usize, f64, f64)], gaps: &Gaps) -> (f64, Vec<f64>) {
         let strips = strips(given);
-        let (mut sight, mut out) = (Sight::default(), [0.0]);
+        let (mut sight, mut out) = (Sight::<f64>::default(), [0.0]);
         sight.begin(&[0..1, 0..1]);
         (0..strips.len()).for_each(|k| sight.add(&strips[..=k], gaps, 1, &mut out));
         let shares = sight.shares.iter().map(|shares| shares[0]).collect();
@@ -568,7 +568,7 @@ mod tests {
         let (_, shares) = picture(&given, &gaps);
         assert!(shares.iter().any(|&q| q < 0.0) && shares.iter().filter(|&&q| q > 0.0).count() > 3);
         let strips = strips(&given);
-        let (mut sight, mut bars) = (Sight::default(), strips.clone());
+        let (mut sight, mut bars) = (Sight::<f64>::default(), strips.clone());
         sight.begin(&[0..1, 0..1]);
         sight.pull_back(&strips, &gaps, &[1.0], &mut bars);
         assert!(sight.passed_before.iter().any(|&passed| passed > 0));
