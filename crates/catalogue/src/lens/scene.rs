@@ -7,7 +7,7 @@ use bokashi_render_ops::{Cull, Fragments, Mesh, RasterOptions, RenderError, Samp
 use bokashi_render_ops::{eye_depth, interpolate};
 
 /// Circles of confusion are given in pixels of pictures with so many along a side, whose focal length is
-/// [`FOCAL_LENGTH`] pixels.
+/// 100 pixels.
 pub const UNIT: usize = 96;
 const FOCAL_LENGTH: f64 = 100.0;
 /// How far the background is away, and its colour.

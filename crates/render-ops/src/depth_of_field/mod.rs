@@ -1,5 +1,9 @@
 //! Depth of field: each pixel is blurred by how far its depth lies out of focus.
 //!
+//! It does not know what hides what. Against an integral over the lens its pictures are off by 1.8 to 9 % of full
+//! intensity, and its gradients by aperture and focus have 0.3 to 0.8 of their size: fits through it are biased.
+//! [`lens_picture`](crate::lens_picture()) is off by 0.1 to 1.3 %, and takes hidden layers for it.
+//!
 //! # Forward
 //! At depth `z_i` in front of the eye, a lens focused at `f` blurs with the standard deviation
 //! `sigma_i = K |1 - f / z_i|`, in pixels, up to a cap. `K` is the aperture: sigma is 0 in focus,
@@ -84,7 +88,8 @@ pub struct Focused<'t, T: Scalar> {
 }
 
 /// `image: [H, W, C]` as a lens sees it: the farther a pixel's distance lies from the focus, the more the
-/// pixel is blurred.
+/// pixel is blurred. For a picture with one depth and nothing known behind it: off by 1.8 to 9 % of full intensity
+/// against an integral over the lens, [`lens_picture`](crate::lens_picture()) by 0.1 to 1.3 %.
 ///
 /// Within the default tolerance of 1e-3 it costs 28 blurs at a largest sigma of 6 pixels, and 6 more each
 /// time that sigma doubles; within 1e-2 half as many. That takes some 4 times as long as one
