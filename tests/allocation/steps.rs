@@ -191,7 +191,8 @@ fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
 }
 
 /// Operations that return lists, of levels or of layers.
-const LISTS: [&str; 4] = ["mipmaps", "sample_texture", "sample_cube_map", "composite_layers"];
+const LISTS: [&str; 5] =
+    ["mipmaps", "sample_texture", "sample_cube_map", "composite_layers", "lens_picture"];
 
 /// What makes something in each step: a matrix, a reference image, a list of creases, tapes of parts. All but the
 /// last have steps of their own below.

@@ -424,7 +424,7 @@ impl<T: Scalar> Sight<T> {
             for x in 0..count {
                 let (q, alpha) = (size(shares[x]), alphas[x]);
                 let is_left = shares[x] < zero;
-                let is_seen = q > zero;
+                let is_seen = q > zero && total[x] > zero;
                 let q_bar = dots[x] / total[x];
                 let v_bar = total_bar[x] + seen_bars[x];
                 let by_alpha = q_bar / alpha;
@@ -442,7 +442,8 @@ impl<T: Scalar> Sight<T> {
                 let color_bar = &mut bar.values[first..first + count];
                 for x in 0..count {
                     let q = size(shares[x]);
-                    let share = if q > zero { q / total[x] } else { zero };
+                    let is_seen = q > zero && total[x] > zero;
+                    let share = if is_seen { q / total[x] } else { zero };
                     color_bar[x] = share * out_bar[x * channels + channel].widen();
                 }
             }

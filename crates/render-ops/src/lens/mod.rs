@@ -12,7 +12,8 @@
 //!
 //! # Where it is not smooth
 //! Where a circle passes a rung, where what is left of the lens decides what is seen, where a circle reaches its
-//! cap, and where the visible surface changes. The value steps in none but the last.
+//! cap, and where the visible surface changes. The value steps in the last; and where a translucent piece passes
+//! what lies at its pixel's centre.
 //!
 //! # Memory
 //! A band of 16 rows holds each rung that something in it lies on, over the image's width, and each blurred rung
@@ -112,10 +113,11 @@ impl<'t, T: Scalar> ThinLens<'t, T> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThinLensOptions {
     /// How many pixels of the fragments' image are cut off at each side. What lies beyond the picture is blurred
-    /// into it, as far as the largest circle of confusion reaches: without that margin the picture is mirrored
-    /// at its border.
+    /// into it, as far as the largest circle of confusion reaches; corners of an iris with blades reach farther.
+    /// Without that margin it is left out, and what lies in the image counts for more.
     pub margin: usize,
-    /// The cap on the radius of a circle of confusion, in pixels: without it, it would be infinite at distance 0.
+    /// The cap on the radius of a circle of confusion, in pixels, from 0 to 1024: without it, it would be infinite at
+    /// distance 0. A capped circle has no gradient by distance, aperture or focus.
     pub largest_radius: f64,
     /// The form of the opening.
     pub iris: Iris,
@@ -149,7 +151,7 @@ pub struct LensLayer<'a, 't, T: Scalar> {
 pub struct LensPicture<'t, T: Scalar> {
     /// The image `[H, W, C]`, without the margin.
     pub image: Var<'t, T>,
-    /// How many fragments were so far out of focus that their circle was capped.
+    /// How many fragments were so far out of focus that their circle was capped, in all layers and with the margin.
     pub capped: usize,
     /// Tells on which smooth piece the inputs lie: between inputs for which it differs there is a kink.
     #[doc(hidden)]
@@ -160,8 +162,9 @@ pub struct LensPicture<'t, T: Scalar> {
 ///
 /// `visible` are the fragments of any sampling; with exact coverage, outlines have their gradients. `behind` are
 /// the layers at pixel centres that [`depth_layers`](crate::depth_layers()) found of the same mesh, the nearest
-/// first. The first of these says what hides what, and its colours are not asked for; the others are seen
-/// beside the outlines of what hides them. Two hidden layers are enough: leave the mesh's back faces out
+/// first. The first of these covers every pixel centre that the visible layer does, and says what hides what: its
+/// colours are seen in boundary pixels alone, beside the pieces that cover them. The others are seen beside the
+/// outlines of what hides them. Two hidden layers are enough: leave the mesh's back faces out
 /// ([`Cull`](crate::Cull)), else its far side counts as one. Without a layer `behind`, nothing but the background
 /// is seen behind what is visible.
 ///
@@ -169,17 +172,22 @@ pub struct LensPicture<'t, T: Scalar> {
 /// gradient. For a picture that comes with one depth, and nothing behind it,
 /// [`depth_of_field`](crate::depth_of_field()) costs less.
 ///
-/// An aperture of 0 before surfaces whose alphas are 1, and not learnt, is [`composite`](crate::composite()).
+/// The background lies at the distance `far`, above 0 or infinite, which has no gradient. An image behind it is as
+/// large as the picture with its margin.
+///
+/// With an aperture of 0, and alphas of the visible and the first hidden layer that are 1 and not learnt, it is
+/// [`composite`](crate::composite()), and layers behind are not looked at.
 ///
 /// # Errors
 /// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its alphas and distances `[N]`,
 ///   the background has as many channels, aperture and focus are single numbers; and for fragments that are
 ///   not whole.
 /// - [`RenderError::ExactLayers`] for a layer of exact coverage behind, [`RenderError::LayerSize`] for layers of
-///   several sizes, [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
+///   several sizes, [`RenderError::LayerPixel`] where a layer behind covers a pixel that the one before does not.
 /// - `TensorError::Value` for a distance that is negative or NaN, an aperture that is negative or not finite, a
 ///   focus that is not finite and positive, a largest radius that is not between 0 and 1024, a margin that leaves
-///   nothing of the picture, an iris of fewer than 3 or more than 16 blades, more than 16 layers behind.
+///   nothing of the picture, an iris of fewer than 3 or more than 16 blades or of a rotation that is not finite, a
+///   background that is not at a distance above 0, more than 16 layers behind.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
 #[inline(never)]
 pub fn lens_picture<'t, T: Scalar>(
@@ -207,10 +215,12 @@ pub fn lens_picture<'t, T: Scalar>(
     }
     visible.check(own.count(), channels)?;
     let backdrop = background.behind(NAME, tape, size, channels)?;
-    let mut inputs = vec![backdrop.values, lens.aperture, lens.focus];
+    // Few layers need no memory.
+    let mut inputs: SmallVec<[Var<'t, T>; 16]> = SmallVec::new();
+    inputs.extend([backdrop.values, lens.aperture, lens.focus]);
     inputs.extend([visible.premultiplied, visible.alpha, visible.distance]);
     inputs.extend(visible.fragments.weight);
-    let mut hidden = Vec::with_capacity(behind.len());
+    let mut hidden = SmallVec::new();
     for layer in behind {
         let coverage = layer.fragments.checked_coverage(NAME, tape)?;
         if coverage.is_exact() {
@@ -285,15 +295,15 @@ impl<'t, T: Scalar> LensLayer<'_, 't, T> {
     fn check(&self, count: usize, channels: usize) -> Result<(), RenderError> {
         let tape = self.premultiplied.tape();
         let expected = [
-            (self.premultiplied, vec![count, channels], "values"),
-            (self.alpha, vec![count], "alphas"),
-            (self.distance, vec![count], "distances"),
+            (self.premultiplied, &[count, channels][..], "values"),
+            (self.alpha, &[count], "alphas"),
+            (self.distance, &[count], "distances"),
         ];
         for (variable, shape, what) in expected {
             if !std::ptr::eq(variable.tape(), tape) {
                 return Err(TensorError::ForeignVariable { operation: NAME }.into());
             }
-            if *variable.shape() != shape[..] {
+            if *variable.shape() != *shape {
                 let rule = format!("{what} of shape {shape:?}");
                 return Err(RenderError::shape(NAME, rule, &variable.shape()));
             }
@@ -321,7 +331,7 @@ impl<'t, T: Scalar> LensLayer<'_, 't, T> {
 /// and distances `[N]`, and perhaps weights `[K]`; then colours, alphas and distances of each layer behind.
 struct DrawLens {
     visible: Arc<Coverage>,
-    hidden: Vec<Arc<Coverage>>,
+    hidden: SmallVec<[Arc<Coverage>; 4]>,
     kind: Kind,
     has_weights: bool,
     far: f64,

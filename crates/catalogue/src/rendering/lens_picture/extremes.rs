@@ -15,7 +15,7 @@ pub(crate) static EXTREMES: &[Extreme] = extremes! {
     194 "a lens: distances 0 and infinity", "capped, counted; finite", at_the_eye;
     195 "a lens: aperture 0", "the operation is absent", aperture_zero;
     196 "a lens: one surface, however far", "brightness is kept", one_surface;
-    197 "a lens: circles larger than the picture", "its mean", larger_than_the_picture;
+    197 "a lens: circles wider than it all", "its mean", larger_than_the_picture;
     198 "a lens: 1 pixel", "the pixel", one_pixel;
     199 "a lens: focus on an edge", "values and gradients are finite, sharp at the edge", focus_on_an_edge;
     200 "a lens: refused input", "an error", refused;
