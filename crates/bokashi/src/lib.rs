@@ -102,9 +102,9 @@ pub mod prelude {
     pub use bokashi_render_ops::{
         Adjacency, Assembly, Background, Blur, Blurred, Border, BoundaryCounts, Camera, Composite,
         Coverage, CubeMap, Cull, Culled, CustomFilter, DepthImage, Detail, Environment, EyeDepth,
-        Filter, Focused, Fragments, Kernel, LEAST_ROUGHNESS, Layer, Lens, LensLayer, LensOptions,
-        LensPicture, Light, MOST_PROBES, Material, Mesh, Picture, PixelLoss, Place, Pose,
-        Prefilter, Radius, RasterOptions, Rasterization, RenderError, Sampler, Sampling,
+        Filter, Focused, Fragments, Iris, Kernel, LEAST_ROUGHNESS, Layer, Lens, LensLayer,
+        LensOptions, LensPicture, Light, MOST_PROBES, Material, Mesh, Picture, PixelLoss, Place,
+        Pose, Prefilter, Radius, RasterOptions, Rasterization, RenderError, Sampler, Sampling,
         Silhouettes, Size, StillFragments, Surface, Texture, TextureBorder, TextureFilter,
         ThinLens, ThinLensOptions, VertexAttributes, Weighting, affine_inverse, antialias,
         composite, composite_layers, depth, depth_layers, depth_of_field, differentials, distort,
