@@ -1,7 +1,8 @@
 //! What does a lens photograph? The pictures of `scenes/stack`, a focal stack: each is the mean of what many points of
 //! the lens see, and each point is a camera a little aside.
 //!
-//! Arguments: the folder of the stack, and how many points.
+//! Arguments: a seed, which turns the points, how many there are, and the folder to draw to: by default one beside other
+//! temporary files. The stack's own pictures are drawn by `0 400 examples/scenes/stack/images`.
 
 use std::error::Error;
 use std::f64::consts::PI;
@@ -23,7 +24,11 @@ fn at_point(camera: Camera, [x, y]: [f64; 2], [aperture, focus]: [f64; 2]) -> Ca
 }
 
 /// The light that a view's lens sees: the mean over `count` points.
-fn photograph(scene: &Scene, view: usize, count: usize) -> Result<Tensor<f32>, Box<dyn Error>> {
+fn photograph(
+    scene: &Scene,
+    view: usize,
+    [seed, count]: [usize; 2],
+) -> Result<Tensor<f32>, Box<dyn Error>> {
     let mut scene = scene.clone();
     let (camera, lens) = (scene.views[view].camera, scene.views[view].lens);
     let lens = [lens.opening.ok_or("an aperture")?.number(), lens.focus.ok_or("a focus")?.0];
@@ -33,7 +38,7 @@ fn photograph(scene: &Scene, view: usize, count: usize) -> Result<Tensor<f32>, B
     for k in 0..count {
         // Points on a spiral share the disc evenly.
         let radius = ((k as f64 + 0.5) / count as f64).sqrt();
-        let (sin, cos) = (k as f64 * PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
+        let (sin, cos) = (seed as f64 + k as f64 * PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
         scene.views[view].camera = at_point(camera, [radius * cos, radius * sin], lens);
         let renderer = Renderer::new(Arc::new(scene.clone()))?;
         let tape = Tape::new();
@@ -49,16 +54,17 @@ fn photograph(scene: &Scene, view: usize, count: usize) -> Result<Tensor<f32>, B
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let folder = arguments.next().unwrap_or_else(|| "examples/scenes/stack".to_owned());
-    let count = arguments.next().map(|word| word.parse()).transpose()?.unwrap_or(400);
-    let folder = PathBuf::from(folder);
-    let mut scene = Scene::load(folder.join("truth.toml"))?;
-    fs::create_dir_all(folder.join("images"))?;
+    let mut number = |usual| arguments.next().map_or(Ok(usual), |word| word.parse());
+    let numbers = [number(0)?, number(400)?];
+    let usual = std::env::temp_dir().join("focal-stack");
+    let folder = arguments.next().map_or(usual, PathBuf::from);
+    let mut scene = Scene::load("examples/scenes/stack/truth.toml")?;
+    fs::create_dir_all(&folder)?;
     // `png_of` encodes light.
     scene.description.pipeline.tone = bokashi_scene::description::Tone::Linear;
     for view in 0..scene.views.len() {
-        let light = photograph(&scene, view, count)?;
-        let file = folder.join("images").join(format!("{}.png", scene.views[view].name));
+        let light = photograph(&scene, view, numbers)?;
+        let file = folder.join(format!("{}.png", scene.views[view].name));
         fs::write(&file, scene.png_of(&light)?)?;
         println!("{}", file.display());
     }

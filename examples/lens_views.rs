@@ -12,8 +12,11 @@ const MARGIN: usize = 10;
 const FOCAL_LENGTH: f64 = 70.0;
 const FAR: f64 = 20.0;
 
-/// Two boards, the nearer one in front of the other: clip positions in a picture of `size`, and colours.
-fn boards(size: Size) -> Result<(Mesh, Tensor<f64>, Tensor<f64>), Box<dyn Error>> {
+/// A mesh, its clip positions, and colours.
+type Boards = (Mesh, Tensor<f64>, Tensor<f64>);
+
+/// Two boards, the nearer one in front of the other, in a picture of `size`.
+fn boards(size: Size) -> Result<Boards, Box<dyn Error>> {
     let (mut clip, mut colors) = (Vec::new(), Vec::new());
     for ([left, right, bottom, top], z, color) in
         [([-0.5, 0.3, -0.6, 0.2], 2.0, 0.9), ([-0.9, 1.2, -0.8, 1.1], 4.0, 0.3)]
