@@ -9,25 +9,23 @@
 //! of alpha a, and with the share p of the pixel has with `B = (1 - t) E_k + t E_(k+1)`:
 //! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`.
 
-use std::ops::Range;
-
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur::{self, Channel, add_each};
+use super::blur;
 use super::blurs::Blurs;
 use super::frame::Frame;
-use super::front_to_back::{Sight, common};
+use super::front_to_back::{LensState, common};
 use super::hiding::LinkBar;
-use super::pixel_bars::BandBars;
+use super::pixel_bars::{BandBars, RungBars};
 use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, View};
 use crate::scratch::Workbench;
 use crate::size::Size;
 
-/// What is found in a band of the image beside what its surfaces put on rungs.
+/// What is found while a band of the image is filled, beside what its surfaces put on rungs.
 #[derive(Debug, Default, Clone, Copy)]
-pub(super) struct Told {
+pub(super) struct FillOutcome {
     /// Tells on which smooth piece all of it lies.
     pub(super) piece: u64,
     /// A layer and a pixel that it covers, and the layer before does not.
@@ -35,62 +33,29 @@ pub(super) struct Told {
 }
 
 /// A band of the picture: its blurred rungs, where they are seen, and which smooth piece they lie on.
-#[derive(Debug)]
-pub(super) struct Band<T: Scalar> {
-    pub(super) blurred: Strips<T::Wide>,
+#[derive(Debug, Default)]
+pub(super) struct Band<S> {
+    pub(super) blurred: Strips<S>,
     pub(super) piece: u64,
 }
 
-impl<T: Scalar> Default for Band<T> {
-    fn default() -> Self {
-        Self { blurred: Strips::default(), piece: 0 }
-    }
+/// Memory for the work on a band.
+#[derive(Debug, Default)]
+pub(super) struct Bench<S> {
+    row: Row,
+    parts: Parts<S>,
+    link_bars: Vec<LinkBar<S>>,
+    blur: blur::Memory<S>,
+    /// The band of the picture, or its gradient.
+    picture: Vec<S>,
+    state: LensState<S>,
+    /// The gradients of blurred rungs, or of what surfaces put on rungs.
+    bars: Strips<S>,
 }
 
-/// Memory for a band.
-#[derive(Debug)]
-pub(super) struct Bench<T: Scalar> {
-    pub(super) row: Row,
-    pub(super) parts: Parts<T::Wide>,
-    pub(super) link_bars: Vec<LinkBar<T::Wide>>,
-    /// Per rung: its strip, counted from 1.
-    slots: Vec<u32>,
-    blur: blur::Memory<T::Wide>,
-    picture: Vec<T::Wide>,
-    sight: Sight<T>,
-    /// The gradients of blurred rungs.
-    bars: Strips<T::Wide>,
-}
-
-impl<T: Scalar> Default for Bench<T> {
-    fn default() -> Self {
-        Self {
-            row: Row::default(),
-            parts: Parts::default(),
-            link_bars: Vec::new(),
-            slots: Vec::new(),
-            blur: blur::Memory::default(),
-            picture: Vec::new(),
-            sight: Sight::default(),
-            bars: Strips::default(),
-        }
-    }
-}
-
-fn add_piece(sum: &mut u64, piece: u64) {
+/// Adds to what tells pieces apart.
+pub(super) fn add_piece(sum: &mut u64, piece: u64) {
     *sum = (*sum ^ piece).wrapping_mul(0x0100_0000_01b3);
-}
-
-/// Adds a channel of colours, converted first.
-fn color_reader<T: Scalar, S: Scalar>(
-    channel: usize,
-    convert: impl Fn(T) -> S + Copy,
-) -> impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy {
-    move |strip, row, columns, to| add_each(to, strip.row(channel, row, columns), convert)
-}
-
-fn read_alphas<T: Scalar>(strip: &Strip<T>, row: usize, columns: Range<usize>, to: &mut [T::Wide]) {
-    add_each(to, strip.alpha_row(row, columns), |alpha| alpha);
 }
 
 /// Adds to a rung a share of what a pixel shows: its difference to the reference of the same alpha; and the alpha.
@@ -102,19 +67,20 @@ fn add_to_rung<T: Scalar>(
     [row, column]: [usize; 2],
     part: &Part<T::Wide>,
     weight: T::Wide,
-    strip: &mut Strip<T>,
+    strip: &mut Strip<T::Wide>,
 ) {
     let (color, alpha) = view.color(part.surface, row * frame.size.width + column);
     let mean = frame.mean_weight(halvings, [row, column]);
-    let wide = weight * part.share * T::Wide::from_f64(mean);
+    let weight = weight * part.share * T::Wide::from_f64(mean);
+    let alpha = alpha.widen();
     let [row, column] = [row >> halvings, column >> halvings];
     strip.hold(column);
-    let (mut offset, plane, weight) = (strip.offset(row, column), strip.plane(), T::narrow(wide));
-    strip.alphas[offset] += wide * alpha.widen();
+    let (mut offset, plane) = (strip.offset(row, column), strip.plane());
     for (&color, &reference) in color.iter().zip(view.reference) {
-        strip.values[offset] += weight * (color - alpha * reference);
+        strip.values[offset] += weight * (color.widen() - alpha * reference.widen());
         offset += plane;
     }
+    strip.values[offset] += weight * alpha;
 }
 
 /// The passes, and memory for them.
@@ -122,7 +88,7 @@ fn add_to_rung<T: Scalar>(
 pub(super) struct Passes<'a, T: Scalar> {
     pub(super) blurs: &'a Blurs,
     pub(super) frame: Frame,
-    pub(super) benches: &'a Workbench<Bench<T>>,
+    pub(super) benches: &'a Workbench<Bench<T::Wide>>,
 }
 
 impl<T: Scalar> Passes<'_, T> {
@@ -130,42 +96,38 @@ impl<T: Scalar> Passes<'_, T> {
     pub(super) fn fill_rungs(
         &self,
         view: &View<'_, T>,
-        bands: &mut [Strips<T>],
-        told: &mut [Told],
+        bands: &mut [Strips<T::Wide>],
+        outcomes: &mut [FillOutcome],
     ) {
         let Self { blurs, frame, benches } = *self;
         let halvings = &blurs.halvings;
-        for_each_two_pieces_mut(bands, told, [1, 1], |band, strips, told| {
-            let (strips, told) = (&mut strips[0], &mut told[0]);
+        for_each_two_pieces_mut(bands, outcomes, [1, 1], |band, strips, outcome| {
+            let strips = &mut strips[0];
             strips.clear();
-            *told = Told::default();
-            let Told { piece, fault } = told;
+            outcome[0] = FillOutcome::default();
+            let FillOutcome { piece, fault } = &mut outcome[0];
             benches.with(|bench| {
-                let Bench { row, parts, slots, .. } = bench;
-                slots.clear();
-                slots.resize(view.rungs.count(), 0);
+                let Bench { row, parts, .. } = bench;
                 let rows = frame.rows(band);
                 *fault = view.for_each_pixel(rows.clone(), row, parts, |place, parts| {
                     add_piece(piece, parts.piece);
                     for part in &parts.parts {
                         for (rung, weight) in part.rungs().into_iter().flatten() {
-                            if slots[rung] == 0 {
+                            let index = strips.index(rung).unwrap_or_else(|| {
                                 let halvings = halvings[rung];
                                 let size = halved(frame.size, halvings);
                                 let rows = rows.start >> halvings..rows.end.div_ceil(1 << halvings);
-                                let strip = strips.push();
-                                strip.reset(rung, view.channels, [rows, 0..size.width]);
-                                strip.values.fill(T::ZERO);
-                                strip.alphas.fill(T::Wide::ZERO);
+                                let place = [rows, 0..size.width];
+                                let strip = strips.push(rung, view.channels + 1, place);
+                                strip.values.fill(T::Wide::ZERO);
                                 strip.held = 0..0;
-                                slots[rung] = strips.as_slice().len() as u32;
-                            }
-                            let strip = &mut strips.as_mut_slice()[slots[rung] as usize - 1];
+                                strips.as_slice().len() - 1
+                            });
+                            let strip = &mut strips.as_mut_slice()[index];
                             add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
                         }
                     }
                 });
-                strips.as_mut_slice().sort_unstable_by_key(|strip| strip.rung);
             });
         });
     }
@@ -174,10 +136,10 @@ impl<T: Scalar> Passes<'_, T> {
     /// without its margin.
     pub(super) fn see(
         &self,
-        source: Bands<'_, T>,
+        source: Bands<'_, T::Wide>,
         reference: &[T],
         tells_piece: bool,
-        bands: &mut [Band<T>],
+        bands: &mut [Band<T::Wide>],
         out: &mut [T],
     ) {
         let Self { blurs, frame, benches } = *self;
@@ -187,30 +149,26 @@ impl<T: Scalar> Passes<'_, T> {
             let (own, part) = (&mut own[0], frame.shown(band));
             own.blurred.clear();
             benches.with(|bench| {
-                let Bench { blur: memory, picture, sight, .. } = bench;
+                let Bench { blur: memory, picture, state, .. } = bench;
                 picture.clear();
                 picture.resize(out.len(), T::Wide::ZERO);
-                sight.begin(&part);
+                state.begin(&part);
                 for rung in 0..blurs.rungs.count() {
                     let Some([blur, _]) = blurs.blur(rung, frame.size) else { continue };
                     let in_sight = blur.columns_in_sight(source, &part[0]);
-                    let columns = common(&common(&in_sight, &part[1]), &sight.unfilled());
+                    let columns = common(&common(&in_sight, &part[1]), &state.unfilled());
                     if columns.is_empty() {
                         continue;
                     }
                     let target = [part[0].clone(), columns];
-                    let strip = own.blurred.push();
-                    strip.reset(rung, channels, target.clone());
+                    let strip = own.blurred.push(rung, channels + 1, target.clone());
                     let plane = strip.plane();
                     for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
-                        let read = color_reader(channel, T::widen);
-                        blur.apply(Channel { bands: source, read }, &target, memory, out);
+                        blur.apply(source, channel, &target, memory, out);
                     }
-                    let channel = Channel { bands: source, read: read_alphas };
-                    blur.apply(channel, &target, memory, &mut strip.alphas);
-                    sight.add(own.blurred.as_slice(), &blurs.gaps, channels, picture);
+                    state.add(own.blurred.as_slice(), &blurs.gaps, channels, picture);
                 }
-                let pixels = picture.chunks_exact(channels).zip(&sight.total);
+                let pixels = picture.chunks_exact(channels).zip(&state.total);
                 for (out, (picture, &total)) in out.chunks_exact_mut(channels).zip(pixels) {
                     // The background, where nothing at all is seen.
                     let (one, zero) = (T::Wide::ONE, T::Wide::ZERO);
@@ -220,7 +178,7 @@ impl<T: Scalar> Passes<'_, T> {
                     }
                 }
                 own.piece = match tells_piece {
-                    true => sight.piece(own.blurred.as_slice(), &blurs.gaps, channels),
+                    true => state.piece(own.blurred.as_slice(), &blurs.gaps, channels),
                     false => 0,
                 };
             });
@@ -230,7 +188,7 @@ impl<T: Scalar> Passes<'_, T> {
     /// The gradients of the rungs at their own sizes, before their blurs, of the picture's gradients `out_bar`.
     pub(super) fn pull_back_seen(
         &self,
-        bands: &[Band<T>],
+        bands: &[Band<T::Wide>],
         out_bar: &[T],
         bars: &mut [Strips<T::Wide>],
     ) {
@@ -244,25 +202,25 @@ impl<T: Scalar> Passes<'_, T> {
             let part = frame.shown(band);
             let out_bar = &out_bar[(part[0].start - frame.margin) * row..][..part[0].len() * row];
             benches.with(|bench| {
-                let Bench { blur: memory, sight, bars: shown_bars, .. } = bench;
+                let Bench { blur: memory, state, picture, bars: shown_bars, .. } = bench;
+                picture.clear();
+                picture.extend(out_bar.iter().map(|bar| bar.widen()));
                 shown_bars.clear();
                 for strip in blurred {
                     let place = [strip.rows.clone(), strip.columns.clone()];
-                    shown_bars.push().reset(strip.rung, channels, place);
+                    shown_bars.push(strip.rung, channels + 1, place);
                 }
-                sight.begin(&part);
-                sight.pull_back(blurred, &blurs.gaps, out_bar, shown_bars.as_mut_slice());
+                state.begin(&part);
+                state.pull_back(blurred, &blurs.gaps, picture, shown_bars.as_mut_slice());
                 for from in shown_bars.as_slice() {
                     let Some([blur, _]) = blurs.blur(from.rung, frame.size) else { continue };
                     let place = [from.rows.clone(), from.columns.clone()];
-                    let to = bars.push();
-                    to.reset(from.rung, channels, blur.small_part(&place));
+                    let to = bars.push(from.rung, channels + 1, blur.small_part(&place));
                     let (plane, small_plane) = (from.plane(), to.plane());
                     let pairs = from.values.chunks_exact(plane);
                     for (from, to) in pairs.zip(to.values.chunks_exact_mut(small_plane)) {
                         blur.pull_back_size(from, &place, memory, to);
                     }
-                    blur.pull_back_size(&from.alphas, &place, memory, &mut to.alphas);
                 }
             });
         });
@@ -272,38 +230,35 @@ impl<T: Scalar> Passes<'_, T> {
     pub(super) fn pull_back_rungs(
         &self,
         view: &View<'_, T>,
-        source: &Strips<T>,
+        source: &Strips<T::Wide>,
         bars: &[Strips<T::Wide>],
         band: usize,
-        found: &mut BandBars<T>,
-        bench: &mut Bench<T>,
+        found: &mut BandBars<T::Wide>,
     ) {
-        let Self { blurs, frame, .. } = *self;
+        let Self { blurs, frame, benches } = *self;
         let rows = frame.rows(band);
         found.clear(view, rows.len() * frame.size.width);
-        found.slots.resize(blurs.rungs.count(), 0);
-        // Only where a surface asks.
-        for strip in source.as_slice().iter().filter(|strip| !strip.held.is_empty()) {
-            let Some([_, adjoint]) = blurs.blur(strip.rung, frame.size) else { continue };
-            let place = [strip.rows.clone(), strip.held.clone()];
-            let bars = Bands { bands: bars, first: frame.margin };
-            if adjoint.is_out_of_sight(bars, &place[0]) {
-                continue;
+        benches.with(|bench| {
+            let Bench { row, parts, link_bars, blur: memory, bars: at_rungs, .. } = bench;
+            at_rungs.clear();
+            // Only where a surface asks.
+            for strip in source.as_slice().iter().filter(|strip| !strip.held.is_empty()) {
+                let Some([_, adjoint]) = blurs.blur(strip.rung, frame.size) else { continue };
+                let place = [strip.rows.clone(), strip.held.clone()];
+                let bars = Bands { bands: bars, first: frame.margin };
+                if adjoint.is_out_of_sight(bars, &place[0]) {
+                    continue;
+                }
+                let to = at_rungs.push(strip.rung, view.channels + 1, place.clone());
+                let plane = to.plane();
+                for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
+                    adjoint.convolve(bars, channel, &place, memory, out);
+                }
             }
-            let to = found.at_rungs.push();
-            to.reset(strip.rung, view.channels, place.clone());
-            let plane = to.plane();
-            for (channel, out) in to.values.chunks_exact_mut(plane).enumerate() {
-                let read = color_reader(channel, |number: T::Wide| number);
-                adjoint.convolve(Channel { bands: bars, read }, &place, &mut bench.blur, out);
-            }
-            let channel = Channel { bands: bars, read: read_alphas };
-            adjoint.convolve(channel, &place, &mut bench.blur, &mut to.alphas);
-            found.slots[strip.rung] = found.at_rungs.as_slice().len() as u32;
-        }
-        let Bench { row, parts, link_bars, .. } = bench;
-        view.for_each_pixel(rows, row, parts, |place, parts| {
-            found.add_pixel(blurs, view, frame, place, parts, link_bars);
+            let rungs = RungBars { blurs, frame, at_rungs };
+            view.for_each_pixel(rows, row, parts, |place, parts| {
+                found.add_pixel(rungs, view, place, parts, link_bars);
+            });
         });
     }
 }

@@ -18,7 +18,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::iris::Weights;
-use super::strips::{Bands, Strip, halved};
+use super::strips::{Bands, halved};
 use crate::size::Size;
 
 /// Numbers summed at a time: they stay in registers through all look-ups.
@@ -30,7 +30,7 @@ const COLUMNS: usize = 8 * BLOCK;
 #[derive(Debug, Default)]
 pub(super) struct Memory<T> {
     sums: Vec<T>,
-    /// Images of one channel, from the smallest on: of a blur, and twice as large.
+    /// Images of one channel: of a blur, and twice as large.
     images: [Vec<T>; 2],
     look_ups: Vec<(usize, T)>,
     line: Vec<T>,
@@ -44,12 +44,12 @@ impl<T: Scalar> Memory<T> {
         }
         &mut line[..length]
     }
-}
 
-/// Adds numbers, converted first.
-#[inline(always)]
-pub(super) fn add_each<N: Copy, S: Scalar>(to: &mut [S], from: &[N], convert: impl Fn(N) -> S) {
-    to.iter_mut().zip(from).for_each(|(to, &from)| *to += convert(from));
+    /// Puts images back, the larger one last: it is taken for the larger image again.
+    fn put_back(&mut self, mut images: [Vec<T>; 2]) {
+        images.sort_by_key(Vec::capacity);
+        self.images = images;
+    }
 }
 
 /// A blur of a rung.
@@ -60,14 +60,6 @@ pub(super) struct Blur<'a> {
     pub(super) size: Size,
     pub(super) halvings: usize,
     pub(super) weights: &'a Weights,
-}
-
-/// Numbers that rungs hold.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Channel<'a, T: Scalar, F> {
-    pub(super) bands: Bands<'a, T>,
-    /// Adds those of some columns of a strip's row.
-    pub(super) read: F,
 }
 
 /// Rows and columns.
@@ -131,22 +123,23 @@ impl Blur<'_> {
     }
 
     /// Blurs a channel of a rung into a part of the image.
-    pub(super) fn apply<T: Scalar, S: Scalar>(
+    pub(super) fn apply<S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
+        source: Bands<'_, S>,
+        channel: usize,
         part: &Part,
         memory: &mut Memory<S>,
         out: &mut [S],
     ) {
         if self.halvings == 0 {
-            self.convolve(source, part, memory, out);
+            self.convolve(source, channel, part, memory, out);
             return self.divide(part, out);
         }
         let mut small = self.small_part(part);
         let [mut image, mut larger] = std::mem::take(&mut memory.images);
         let pixels = |part: &Part| part[0].len() * part[1].len();
         image.resize(pixels(&small), S::ZERO);
-        self.convolve(source, &small, memory, &mut image);
+        self.convolve(source, channel, &small, memory, &mut image);
         self.divide(&small, &mut image);
         for halvings in (1..self.halvings).rev() {
             let next = self.smaller_part(part, halvings);
@@ -159,7 +152,7 @@ impl Blur<'_> {
         }
         let line = Memory::line(&mut memory.line, small[1].len() + 2);
         double(&image, &small, halved(self.size, 1), part, [line, out]);
-        memory.images = [image, larger];
+        memory.put_back([image, larger]);
     }
 
     /// `out = N D^T .. D^T image`: from a part of the image to [`Blur::small_part`] of it.
@@ -174,7 +167,7 @@ impl Blur<'_> {
             out.copy_from_slice(image);
             return self.divide(part, out);
         }
-        let [mut from, mut to] = std::mem::take(&mut memory.images);
+        let [mut to, mut from] = std::mem::take(&mut memory.images);
         from.clear();
         from.extend_from_slice(image);
         let mut larger = part.clone();
@@ -188,7 +181,7 @@ impl Blur<'_> {
             larger = next;
         }
         out.copy_from_slice(&from);
-        memory.images = [from, to];
+        memory.put_back([from, to]);
         self.divide(&larger, out);
     }
 
@@ -208,9 +201,10 @@ impl Blur<'_> {
     }
 
     /// `out = K source`, of a part at the rung's size.
-    pub(super) fn convolve<T: Scalar, S: Scalar>(
+    pub(super) fn convolve<S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
+        source: Bands<'_, S>,
+        channel: usize,
         part: &Part,
         memory: &mut Memory<S>,
         out: &mut [S],
@@ -219,7 +213,7 @@ impl Blur<'_> {
         let reach = self.weights.reach;
         if reach == 0 {
             out.fill(S::ZERO);
-            return self.copy(source, part, out);
+            return self.copy(source, channel, part, out);
         }
         for start in columns.clone().step_by(COLUMNS) {
             let strip = start..columns.end.min(start + COLUMNS);
@@ -227,7 +221,7 @@ impl Blur<'_> {
             let Memory { sums, look_ups, .. } = memory;
             sums.clear();
             sums.resize((rows.len() + 2 * reach + 1) * stride, S::ZERO);
-            let is_empty = !self.add_rows(source, [rows, &strip], stride, sums);
+            let is_empty = !self.add_rows(source, channel, [rows, &strip], stride, sums);
             let width = columns.len();
             let first = start - columns.start;
             if is_empty {
@@ -255,9 +249,10 @@ impl Blur<'_> {
     }
 
     /// Adds what a rung holds to rows that the first row of `sums` stands before; whether there is anything.
-    fn add_rows<T: Scalar, S: Scalar>(
+    fn add_rows<S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
+        source: Bands<'_, S>,
+        channel: usize,
         [rows, columns]: [&Range<usize>; 2],
         stride: usize,
         sums: &mut [S],
@@ -265,8 +260,7 @@ impl Blur<'_> {
         let reach = self.weights.reach;
         let seen = rows.start.saturating_sub(reach)..rows.end + reach;
         let mut is_any = false;
-        let Channel { bands, read } = source;
-        for strip in bands.strips(self.rung, self.halvings, seen.clone()) {
+        for strip in source.strips(self.rung, self.halvings, seen.clone()) {
             let first = strip.held.start.max(columns.start.saturating_sub(reach));
             let end = strip.held.end.min(columns.end + reach);
             if first >= end {
@@ -275,28 +269,32 @@ impl Blur<'_> {
             is_any = true;
             for row in strip.rows.start.max(seen.start)..strip.rows.end.min(seen.end) {
                 let start = (row + reach + 1 - rows.start) * stride + first + reach - columns.start;
-                read(strip, row, first..end, &mut sums[start..start + (end - first)]);
+                let from = strip.row(channel, row, first..end);
+                let to = &mut sums[start..start + from.len()];
+                to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
             }
         }
         is_any
     }
 
     /// Adds what a rung holds, where its blur is the identity.
-    fn copy<T: Scalar, S: Scalar>(
+    fn copy<S: Scalar>(
         &self,
-        source: Channel<'_, T, impl Fn(&Strip<T>, usize, Range<usize>, &mut [S]) + Copy>,
+        source: Bands<'_, S>,
+        channel: usize,
         [rows, columns]: &Part,
         out: &mut [S],
     ) {
-        let Channel { bands, read } = source;
-        for strip in bands.strips(self.rung, self.halvings, rows.clone()) {
+        for strip in source.strips(self.rung, self.halvings, rows.clone()) {
             let held = strip.held.start.max(columns.start)..strip.held.end.min(columns.end);
             if held.is_empty() {
                 continue;
             }
             for row in strip.rows.start.max(rows.start)..strip.rows.end.min(rows.end) {
                 let start = (row - rows.start) * columns.len() + held.start - columns.start;
-                read(strip, row, held.clone(), &mut out[start..start + held.len()]);
+                let from = strip.row(channel, row, held.clone());
+                let to = &mut out[start..start + from.len()];
+                to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
             }
         }
     }
@@ -437,16 +435,10 @@ mod tests {
         let mut bands = vec![Strips::default(); SIZE.height.div_ceil(ROWS)];
         for (k, band) in bands.iter_mut().enumerate() {
             let rows = (k * ROWS) >> halvings..size.height.min(((k + 1) * ROWS) >> halvings);
-            let strip = band.push();
-            strip.reset(RUNG, 1, [rows.clone(), 0..size.width]);
+            let strip = band.push(RUNG, 1, [rows.clone(), 0..size.width]);
             strip.values.copy_from_slice(&values[rows.start * size.width..rows.end * size.width]);
         }
         bands
-    }
-
-    /// The only channel.
-    fn read(strip: &Strip<f64>, row: usize, columns: Range<usize>, to: &mut [f64]) {
-        add_each(to, strip.row(0, row, columns), |number| number);
     }
 
     fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -475,7 +467,7 @@ mod tests {
             let part = [3..34, 2..44];
             let mut out = vec![f64::NAN; 31 * 42];
             let source = Bands { bands: &source, first: 0 };
-            blur.apply(Channel { bands: source, read }, &part, &mut Memory::default(), &mut out);
+            blur.apply(source, 0, &part, &mut Memory::default(), &mut out);
             for (row, column) in [(3, 2), (33, 43), (17, 20), (5, 40)] {
                 // A column's running sums, one change of weight after another; or its pixels.
                 let below = |row: isize, column: isize| -> f64 {
@@ -508,7 +500,7 @@ mod tests {
             let mut out = vec![f64::NAN; SIZE.pixels()];
             let source = Bands { bands: &source, first: 0 };
             let part = [0..SIZE.height, 0..SIZE.width];
-            blur.apply(Channel { bands: source, read }, &part, &mut Memory::default(), &mut out);
+            blur.apply(source, 0, &part, &mut Memory::default(), &mut out);
             assert!(out.iter().all(|value| (value - 0.7).abs() < 1e-13), "{halvings}");
         }
     }
@@ -530,12 +522,11 @@ mod tests {
                 let pixels = part[0].len() * part[1].len();
                 let bar: Vec<_> = (0..pixels).map(|k| number(k + 31 * start)).collect();
                 let mut out = vec![f64::NAN; pixels];
-                blur.apply(Channel { bands: source, read }, &part, memory, &mut out);
+                blur.apply(source, 0, &part, memory, &mut out);
                 forward += dot(&out, &bar);
                 let small_part = blur.small_part(&part);
                 let mut strips = Strips::default();
-                let strip = strips.push();
-                strip.reset(RUNG, 1, small_part);
+                let strip = strips.push(RUNG, 1, small_part);
                 blur.pull_back_size(&bar, &part, memory, &mut strip.values);
                 bars.push(strips);
             }
@@ -543,7 +534,7 @@ mod tests {
             let turned = Blur { weights: &turned, ..blur };
             let mut image_bar = vec![f64::NAN; small.pixels()];
             let all = [0..small.height, 0..small.width];
-            turned.convolve(Channel { bands: bars, read }, &all, memory, &mut image_bar);
+            turned.convolve(bars, 0, &all, memory, &mut image_bar);
             let backward = dot(&image, &image_bar);
             assert!((forward - backward).abs() < 1e-11, "{halvings}: {forward}, {backward}");
         }

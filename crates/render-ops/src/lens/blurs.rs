@@ -25,7 +25,7 @@ impl Blurs {
         if self.weights.len() == count && self.iris == iris {
             return;
         }
-        self.gaps.between(&self.rungs);
+        self.gaps.update(&self.rungs);
         self.iris = iris;
         self.halvings = (0..count).map(|rung| self.rungs.halvings(rung).0).collect();
         self.weights = vec![None; count];

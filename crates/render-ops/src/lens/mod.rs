@@ -61,7 +61,7 @@ use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_item_mut, write_each};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, TensorError, Var};
 use smallvec::SmallVec;
 
-use self::bands::{Band, Bench, Passes, Told};
+use self::bands::{Band, Bench, FillOutcome, Passes, add_piece};
 use self::blurs::Blurs;
 use self::circles::Optics;
 use self::frame::Frame;
@@ -347,15 +347,15 @@ struct Saved<T: Scalar> {
     radii: Vec<Vec<T>>,
     keeps_hidden: bool,
     /// The rungs by band, and the blurred rungs by band of what is shown.
-    sources: Vec<Strips<T>>,
-    told: Vec<Told>,
-    bands: Vec<Band<T>>,
+    sources: Vec<Strips<T::Wide>>,
+    outcomes: Vec<FillOutcome>,
+    bands: Vec<Band<T::Wide>>,
     capped: usize,
     piece: u64,
-    benches: Workbench<Bench<T>>,
+    benches: Workbench<Bench<T::Wide>>,
     /// Memory of a backward pass: by band of what is shown, and of the image.
     strip_bars: Vec<Strips<T::Wide>>,
-    band_bars: Vec<BandBars<T>>,
+    band_bars: Vec<BandBars<T::Wide>>,
 }
 
 impl<T: Scalar> Default for Saved<T> {
@@ -365,7 +365,7 @@ impl<T: Scalar> Default for Saved<T> {
             radii: Vec::new(),
             keeps_hidden: false,
             sources: Vec::new(),
-            told: Vec::new(),
+            outcomes: Vec::new(),
             bands: Vec::new(),
             capped: 0,
             piece: 0,
@@ -465,7 +465,7 @@ impl DrawLens {
     /// Adds the gradients of all layers.
     fn give_layers<T: Scalar>(
         &self,
-        bands: &[BandBars<T>],
+        bands: &[BandBars<T::Wide>],
         channels: usize,
         gradients: &mut Accumulators<'_, T>,
     ) {
@@ -478,7 +478,7 @@ impl DrawLens {
                     for run in coverage.centers.in_slots(slots) {
                         let band = run.pixel as usize / self.frame.size.width / ROWS;
                         let start = band * ROWS * self.frame.size.width;
-                        let from = bands[band].layers[layer].of_run(list, width, start, run);
+                        let from = bands[band].layers[layer].run_bars(list, width, start, run);
                         let to = &mut entries[(run.fragment as usize - first) * width..];
                         for (to, &from) in to.iter_mut().zip(from.unwrap_or_default()) {
                             *to += T::narrow(from);
@@ -504,17 +504,25 @@ impl DrawLens {
     /// Adds the gradients of the background, of aperture and of focus.
     fn give_optics<T: Scalar>(
         &self,
-        bands: &[BandBars<T>],
+        bands: &[BandBars<T::Wide>],
         channels: usize,
         gradients: &mut Accumulators<'_, T>,
     ) {
         if let Some(bar) = gradients.get(0) {
             let entries = bar.entries();
             let row = ROWS * self.frame.size.width * channels;
-            for (k, band) in bands.iter().enumerate() {
-                let start = if self.kind == Kind::Image { k * row } else { 0 };
-                for (to, &bar) in entries[start..].iter_mut().zip(&band.background) {
-                    *to += T::narrow(bar);
+            match self.kind {
+                Kind::Color => {
+                    for (channel, to) in entries.iter_mut().enumerate() {
+                        let sum: T::Wide = bands.iter().map(|band| band.background[channel]).sum();
+                        *to += T::narrow(sum);
+                    }
+                }
+                Kind::Image => {
+                    for (to, band) in entries.chunks_mut(row).zip(bands) {
+                        let pairs = to.iter_mut().zip(&band.background);
+                        pairs.for_each(|(to, &bar)| *to += T::narrow(bar));
+                    }
                 }
             }
         }
@@ -529,7 +537,7 @@ impl DrawLens {
 
 /// Adds a part of the gradients of visible pieces, `width` numbers of each from `start` on.
 fn add_pieces<T: Scalar>(
-    bands: &[BandBars<T>],
+    bands: &[BandBars<T::Wide>],
     [count, start, width]: [usize; 3],
     entries: &mut [T],
 ) {
@@ -555,23 +563,23 @@ impl<T: Scalar> Op<T> for DrawLens {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Saved<T>,
     ) -> Result<(), RenderError> {
-        let Saved { blurs, radii, sources, told, bands, benches, .. } = saved;
+        let Saved { blurs, radii, sources, outcomes, bands, benches, .. } = saved;
         saved.capped = self.find_radii(inputs, radii);
         saved.keeps_hidden = self.layers().any(|(first, _)| inputs.needs(first + 1));
         blurs.reach(self.options.largest_radius, self.options.iris);
         let (frame, shown) = (self.frame, self.frame.shown_size());
         let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);
-        told.resize_with(count, Told::default);
+        outcomes.resize_with(count, FillOutcome::default);
         let passes = Passes { blurs, frame, benches };
         self.view(
             |k| inputs.data(k),
             (blurs, radii, saved.keeps_hidden),
             |view| {
-                passes.fill_rungs(view, sources, told);
+                passes.fill_rungs(view, sources, outcomes);
             },
         );
-        if let Some([layer, pixel]) = told.iter().find_map(|told| told.fault) {
+        if let Some([layer, pixel]) = outcomes.iter().find_map(|outcome| outcome.fault) {
             return Err(RenderError::LayerPixel { layer, pixel });
         }
         for strip in sources.iter().flat_map(Strips::as_slice) {
@@ -585,10 +593,12 @@ impl<T: Scalar> Op<T> for DrawLens {
         let tells_piece = self.options.tells_piece;
         let passes = Passes { blurs, frame, benches };
         passes.see(source, &reference, tells_piece, bands, out);
-        let pieces = told.iter().map(|told| told.piece);
-        let pieces = pieces.chain(bands.iter().map(|band| band.piece));
-        saved.piece =
-            pieces.fold(0, |sum: u64, piece| (sum ^ piece).wrapping_mul(0x0100_0000_01b3));
+        saved.piece = 0;
+        if tells_piece {
+            let pieces = outcomes.iter().map(|outcome| outcome.piece);
+            let pieces = pieces.chain(bands.iter().map(|band| band.piece));
+            pieces.for_each(|piece| add_piece(&mut saved.piece, piece));
+        }
         Ok(())
     }
 
@@ -613,10 +623,7 @@ impl<T: Scalar> Op<T> for DrawLens {
             (blurs, radii, saved.keeps_hidden),
             |view| {
                 for_each_item_mut(band_bars, |band, found| {
-                    benches.with(|bench| {
-                        let source = &sources[band];
-                        passes.pull_back_rungs(view, source, strip_bars, band, found, bench);
-                    });
+                    passes.pull_back_rungs(view, &sources[band], strip_bars, band, found);
                 });
             },
         );

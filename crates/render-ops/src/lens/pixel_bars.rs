@@ -21,7 +21,7 @@ pub(super) struct LayerBars<S> {
 
 impl<S: Scalar> LayerBars<S> {
     /// The gradients of a run: of colours, alphas or distances, `width` numbers each.
-    pub(super) fn of_run(
+    pub(super) fn run_bars(
         &self,
         list: usize,
         width: usize,
@@ -34,81 +34,64 @@ impl<S: Scalar> LayerBars<S> {
     }
 }
 
+/// The gradients of what surfaces put on rungs, in a band.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RungBars<'a, S> {
+    pub(super) blurs: &'a Blurs,
+    pub(super) frame: Frame,
+    pub(super) at_rungs: &'a Strips<S>,
+}
+
 /// Gradients of the surfaces in a band.
-#[derive(Debug)]
-pub(super) struct BandBars<T: Scalar> {
-    pub(super) at_rungs: Strips<T::Wide>,
-    /// Per rung: its strip of `at_rungs`, counted from 1; 0 where it has none.
-    pub(super) slots: Vec<u32>,
-    pub(super) layers: Vec<LayerBars<T::Wide>>,
+#[derive(Debug, Default)]
+pub(super) struct BandBars<S> {
+    pub(super) layers: Vec<LayerBars<S>>,
     /// Visible pieces, and for each its gradients: of the colour, of the alpha, of the distance.
     pub(super) pieces: Vec<u32>,
-    pub(super) piece_bars: Vec<T::Wide>,
+    pub(super) piece_bars: Vec<S>,
     /// Visible pieces, and the gradients of their weights.
-    pub(super) weights: Vec<(u32, T::Wide)>,
+    pub(super) weights: Vec<(u32, S)>,
     /// Of aperture and focus.
-    pub(super) optics: [T::Wide; 2],
+    pub(super) optics: [S; 2],
     /// Of a background colour, or of the background of the band's pixels.
-    pub(super) background: Vec<T::Wide>,
+    pub(super) background: Vec<S>,
     pixels: usize,
     /// E at rungs k and k + 1.
-    beside: [Vec<T::Wide>; 2],
+    beside: [Vec<S>; 2],
 }
 
-impl<T: Scalar> Default for BandBars<T> {
-    fn default() -> Self {
-        Self {
-            at_rungs: Strips::default(),
-            slots: Vec::new(),
-            layers: Vec::new(),
-            pieces: Vec::new(),
-            piece_bars: Vec::new(),
-            weights: Vec::new(),
-            optics: [T::Wide::ZERO; 2],
-            background: Vec::new(),
-            pixels: 0,
-            beside: [Vec::new(), Vec::new()],
-        }
-    }
-}
-
-impl<T: Scalar> BandBars<T> {
+impl<S: Scalar> BandBars<S> {
     /// Forgets all gradients.
-    pub(super) fn clear(&mut self, view: &View<'_, T>, pixels: usize) {
-        self.at_rungs.clear();
-        self.slots.clear();
+    pub(super) fn clear<T: Scalar<Wide = S>>(&mut self, view: &View<'_, T>, pixels: usize) {
         self.layers.resize_with(view.layers.len(), LayerBars::default);
         self.layers.iter_mut().for_each(|layer| layer.is_used = false);
         self.pieces.clear();
         self.piece_bars.clear();
         self.weights.clear();
-        self.optics = [T::Wide::ZERO; 2];
+        self.optics = [S::ZERO; 2];
         self.background.clear();
         let count = if view.kind == Kind::Image { pixels } else { 1 };
-        self.background.resize(count * view.channels, T::Wide::ZERO);
+        self.background.resize(count * view.channels, S::ZERO);
         self.pixels = pixels;
     }
 
     /// Adds the gradients of what a pixel shows.
-    pub(super) fn add_pixel(
+    pub(super) fn add_pixel<T: Scalar<Wide = S>>(
         &mut self,
-        blurs: &Blurs,
+        rungs: RungBars<'_, S>,
         view: &View<'_, T>,
-        frame: Frame,
         place: [usize; 2],
-        parts: &Parts<T::Wide>,
-        link_bars: &mut Vec<LinkBar<T::Wide>>,
+        parts: &Parts<S>,
+        link_bars: &mut Vec<LinkBar<S>>,
     ) {
-        let zero = T::Wide::ZERO;
-        let pixel = place[0] * frame.size.width + place[1];
+        let zero = S::ZERO;
+        let pixel = place[0] * rungs.frame.size.width + place[1];
         link_bars.clear();
         link_bars.resize(parts.chain.len(), LinkBar { alpha: zero, radius: zero });
         for part in &parts.parts {
-            let rung = part.position.rung;
-            if self.slots[rung] == 0 && self.slots[rung + 1] == 0 {
+            if !self.read_rungs(rungs, place, part, view.channels) {
                 continue;
             }
-            self.read_rungs(blurs, frame, place, part, view.channels);
             let (share_bar, next_bar) = self.mix(view, part, pixel);
             let radius_bar = part.share * next_bar * part.position.slope;
             self.add_surface(view, part.surface, place, part.share, radius_bar);
@@ -129,54 +112,55 @@ impl<T: Scalar> BandBars<T> {
         }
     }
 
-    /// E at the rungs of a part, in `beside`.
+    /// E at the rungs of a part, in `beside`; whether there is any.
     #[inline]
     fn read_rungs(
         &mut self,
-        blurs: &Blurs,
-        frame: Frame,
+        rungs: RungBars<'_, S>,
         [row, column]: [usize; 2],
-        part: &Part<T::Wide>,
+        part: &Part<S>,
         channels: usize,
-    ) {
+    ) -> bool {
+        let RungBars { blurs, frame, at_rungs } = rungs;
         let rung = part.position.rung;
-        for (k, beside) in self.beside.iter_mut().enumerate() {
-            beside.resize(channels + 1, T::Wide::ZERO);
-            let slot = self.slots[rung + k] as usize;
-            let strip = slot.checked_sub(1).map(|slot| &self.at_rungs.as_slice()[slot]);
+        let strips = [rung, rung + 1].map(|rung| at_rungs.get(rung));
+        if strips.iter().all(Option::is_none) {
+            return false;
+        }
+        for ((k, beside), strip) in self.beside.iter_mut().enumerate().zip(strips) {
+            beside.resize(channels + 1, S::ZERO);
             let halvings = blurs.halvings[rung + k];
             let offset =
                 strip.and_then(|strip| strip.held_offset(row >> halvings, column >> halvings));
             let (Some(strip), Some(offset)) = (strip, offset) else {
-                beside.fill(T::Wide::ZERO);
+                beside.fill(S::ZERO);
                 continue;
             };
-            let weight = T::Wide::from_f64(frame.mean_weight(halvings, [row, column]));
-            let colors = strip.values[offset..].iter().step_by(strip.plane());
-            for (to, &number) in beside.iter_mut().zip(colors.chain([&strip.alphas[offset]])) {
-                *to = number * weight;
-            }
+            let weight = S::from_f64(frame.mean_weight(halvings, [row, column]));
+            let numbers = strip.values[offset..].iter().step_by(strip.plane());
+            beside.iter_mut().zip(numbers).for_each(|(to, &number)| *to = number * weight);
         }
+        true
     }
 
     /// Makes E of a part, in `beside[0]`; returns the gradients of its share and of t.
     #[inline]
-    fn mix(
+    fn mix<T: Scalar<Wide = S>>(
         &mut self,
         view: &View<'_, T>,
-        part: &Part<T::Wide>,
+        part: &Part<S>,
         pixel: usize,
-    ) -> (T::Wide, T::Wide) {
+    ) -> (S, S) {
         let (color, alpha) = view.color(part.surface, pixel);
         let alpha = alpha.widen();
-        let (mut share_bar, mut next_bar) = (T::Wide::ZERO, T::Wide::ZERO);
+        let (mut share_bar, mut next_bar) = (S::ZERO, S::ZERO);
         // In focus the next rung holds nothing of the part.
         let next_share = match part.rungs()[1] {
             Some((_, share)) => share,
-            None => T::Wide::ZERO,
+            None => S::ZERO,
         };
         let [own, next] = &mut self.beside;
-        let mut of_reference = T::Wide::ZERO;
+        let mut of_reference = S::ZERO;
         for (channel, (own, &next)) in own.iter_mut().zip(&*next).enumerate() {
             // What rungs hold: the difference to the reference of the same alpha; and the alpha.
             let is_color = channel < color.len();
@@ -198,31 +182,31 @@ impl<T: Scalar> BandBars<T> {
     }
 
     /// Adds the gradients of how much a surface hides.
-    fn add_hiding(
+    fn add_hiding<T: Scalar<Wide = S>>(
         &mut self,
         view: &View<'_, T>,
         surface: Surface,
         place: [usize; 2],
-        bar: LinkBar<T::Wide>,
+        bar: LinkBar<S>,
     ) {
-        if bar.alpha.is_same(T::Wide::ZERO) && bar.radius.is_same(T::Wide::ZERO) {
+        if bar.alpha.is_same(S::ZERO) && bar.radius.is_same(S::ZERO) {
             return;
         }
         let beside = &mut self.beside[0];
         beside.clear();
-        beside.resize(view.channels, T::Wide::ZERO);
+        beside.resize(view.channels, S::ZERO);
         beside.push(bar.alpha);
-        self.add_surface(view, surface, place, T::Wide::ONE, bar.radius);
+        self.add_surface(view, surface, place, S::ONE, bar.radius);
     }
 
     /// Adds the gradients of the share of what pieces hide.
-    fn add_beside(
+    fn add_beside<T: Scalar<Wide = S>>(
         &mut self,
         view: &View<'_, T>,
         place: [usize; 2],
-        parts: &Parts<T::Wide>,
-        share_bar: T::Wide,
-        first_bar: &mut LinkBar<T::Wide>,
+        parts: &Parts<S>,
+        share_bar: S,
+        first_bar: &mut LinkBar<S>,
     ) {
         let pixel = place[0] * view.visible.size().width + place[1];
         for part in &parts.parts {
@@ -237,7 +221,7 @@ impl<T: Scalar> BandBars<T> {
     }
 
     /// What pieces leave is less by their weights.
-    fn take_from_pieces(&mut self, parts: &Parts<T::Wide>, share_bar: T::Wide) {
+    fn take_from_pieces(&mut self, parts: &Parts<S>, share_bar: S) {
         for part in &parts.parts {
             if part.kind == Share::Piece {
                 self.weights.push((part.surface.fragment, -share_bar));
@@ -246,16 +230,16 @@ impl<T: Scalar> BandBars<T> {
     }
 
     /// Adds the gradients `share` times those in `beside[0]`, of a surface's colour and alpha, and of its radius.
-    fn add_surface(
+    fn add_surface<T: Scalar<Wide = S>>(
         &mut self,
         view: &View<'_, T>,
         surface: Surface,
         [row, column]: [usize; 2],
-        share: T::Wide,
-        radius_bar: T::Wide,
+        share: S,
+        radius_bar: S,
     ) {
-        let mut distance_bar = T::Wide::ZERO;
-        if !radius_bar.is_same(T::Wide::ZERO) {
+        let mut distance_bar = S::ZERO;
+        if !radius_bar.is_same(S::ZERO) {
             let circle = view.circle(surface);
             self.optics[0] += radius_bar * circle.by_aperture;
             self.optics[1] += radius_bar * circle.by_focus;
@@ -279,7 +263,7 @@ impl<T: Scalar> BandBars<T> {
             *is_used = true;
             for (list, width) in lists.iter_mut().zip([channels, 1, 1]) {
                 list.clear();
-                list.resize(self.pixels * width, T::Wide::ZERO);
+                list.resize(self.pixels * width, S::ZERO);
             }
         }
         let [colors, alphas, distances] = lists;

@@ -1,8 +1,8 @@
 //! What lies on the picture's rungs, a band of rows at a time.
 //!
-//! A band holds a strip for each rung that something in it lies on: colours times alpha, and alpha, of all
-//! columns, at the size that the rung is blurred at. So memory follows the pairs of a band and a rung that are
-//! used. What a strip holds lies between a first and a last column, and costs outside of it nothing but memory.
+//! A band holds a strip for each rung that something in it lies on: colours times alpha beside the reference, and
+//! alpha, of all columns, at the size that the rung is blurred at. So memory follows the pairs of a band and a rung
+//! that are used. Blurred rungs, and gradients, are strips of some columns. What a strip holds lies between a first and a last column, and costs outside of it nothing but memory.
 
 use std::ops::Range;
 
@@ -15,42 +15,19 @@ use crate::size::Size;
 pub(super) const ROWS: usize = 1 << MOST_HALVINGS;
 
 /// A part of a rung.
-#[derive(Debug, Clone)]
-pub(super) struct Strip<T: Scalar> {
+#[derive(Debug, Clone, Default)]
+pub(super) struct Strip<S> {
     pub(super) rung: usize,
     /// Rows and columns at the rung's size.
     pub(super) rows: Range<usize>,
     pub(super) columns: Range<usize>,
     /// The columns between which it is not 0 everywhere.
     pub(super) held: Range<usize>,
-    /// For each channel of colours its numbers, row by row.
-    pub(super) values: Vec<T>,
-    /// The alphas, which are wide: what is seen of what lies behind is what they leave.
-    pub(super) alphas: Vec<T::Wide>,
+    /// For each channel its numbers, row by row; the last channel are the alphas.
+    pub(super) values: Vec<S>,
 }
 
-impl<T: Scalar> Default for Strip<T> {
-    fn default() -> Self {
-        let [rows, columns, held] = [0..0, 0..0, 0..0];
-        Self { rung: 0, rows, columns, held, values: Vec::new(), alphas: Vec::new() }
-    }
-}
-
-impl<T: Scalar> Strip<T> {
-    /// Makes it a strip of so many channels of colours; its numbers are whatever they were.
-    pub(super) fn reset(
-        &mut self,
-        rung: usize,
-        channels: usize,
-        [rows, columns]: [Range<usize>; 2],
-    ) {
-        self.rung = rung;
-        self.held = columns.clone();
-        (self.rows, self.columns) = (rows, columns);
-        self.values.resize(channels * self.plane(), T::ZERO);
-        self.alphas.resize(self.plane(), T::Wide::ZERO);
-    }
-
+impl<S: Scalar> Strip<S> {
     /// How many numbers a channel has.
     #[inline(always)]
     pub(super) fn plane(&self) -> usize {
@@ -82,84 +59,92 @@ impl<T: Scalar> Strip<T> {
 
     /// Some columns of a row of a channel.
     #[inline(always)]
-    pub(super) fn row(&self, channel: usize, row: usize, columns: Range<usize>) -> &[T] {
+    pub(super) fn row(&self, channel: usize, row: usize, columns: Range<usize>) -> &[S] {
         let start = channel * self.plane() + self.offset(row, columns.start);
         &self.values[start..start + columns.len()]
     }
-
-    /// The alphas of some columns of a row.
-    #[inline(always)]
-    pub(super) fn alpha_row(&self, row: usize, columns: Range<usize>) -> &[T::Wide] {
-        let start = self.offset(row, columns.start);
-        &self.alphas[start..start + columns.len()]
-    }
 }
 
-/// The strips of a band, in the order of their rungs.
-#[derive(Debug, Clone)]
-pub(super) struct Strips<T: Scalar> {
+/// The strips of a band, in the order in which they were added.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Strips<S> {
     /// Those in use, and memory of others.
-    strips: Vec<Strip<T>>,
+    strips: Vec<Strip<S>>,
     used: usize,
+    /// Per rung: its strip, counted from 1; 0 where it has none.
+    by_rung: Vec<u32>,
 }
 
-impl<T: Scalar> Default for Strips<T> {
-    fn default() -> Self {
-        Self { strips: Vec::new(), used: 0 }
-    }
-}
-
-impl<T: Scalar> Strips<T> {
+impl<S: Scalar> Strips<S> {
     pub(super) fn clear(&mut self) {
         self.used = 0;
+        self.by_rung.fill(0);
     }
 
-    pub(super) fn as_slice(&self) -> &[Strip<T>] {
+    pub(super) fn as_slice(&self) -> &[Strip<S>] {
         &self.strips[..self.used]
     }
 
-    pub(super) fn as_mut_slice(&mut self) -> &mut [Strip<T>] {
+    pub(super) fn as_mut_slice(&mut self) -> &mut [Strip<S>] {
         &mut self.strips[..self.used]
     }
 
-    /// The strip of a rung, if there is one.
-    pub(super) fn get(&self, rung: usize) -> Option<&Strip<T>> {
-        let strips = self.as_slice();
-        strips.binary_search_by_key(&rung, |strip| strip.rung).ok().map(|index| &strips[index])
+    /// Which strip a rung has, if any.
+    #[inline(always)]
+    pub(super) fn index(&self, rung: usize) -> Option<usize> {
+        self.by_rung.get(rung).and_then(|&index| (index as usize).checked_sub(1))
     }
 
-    /// A strip after all that there are, with whatever it held.
-    pub(super) fn push(&mut self) -> &mut Strip<T> {
+    /// The strip of a rung, if there is one.
+    #[inline(always)]
+    pub(super) fn get(&self, rung: usize) -> Option<&Strip<S>> {
+        self.index(rung).map(|index| &self.strips[index])
+    }
+
+    /// A new strip of a rung that has none, with so many channels: its numbers are whatever they were.
+    pub(super) fn push(
+        &mut self,
+        rung: usize,
+        channels: usize,
+        [rows, columns]: [Range<usize>; 2],
+    ) -> &mut Strip<S> {
         if self.used == self.strips.len() {
             self.strips.push(Strip::default());
         }
         self.used += 1;
-        &mut self.strips[self.used - 1]
+        if self.by_rung.len() <= rung {
+            self.by_rung.resize(rung + 1, 0);
+        }
+        self.by_rung[rung] = self.used as u32;
+        let strip = &mut self.strips[self.used - 1];
+        strip.rung = rung;
+        strip.held = columns.clone();
+        (strip.rows, strip.columns) = (rows, columns);
+        strip.values.resize(channels * strip.plane(), S::ZERO);
+        strip
     }
 
     /// The bytes that it holds, for reports.
     pub(super) fn bytes(&self) -> usize {
-        let bytes =
-            |strip: &Strip<T>| size_of_val(&strip.values[..]) + size_of_val(&strip.alphas[..]);
-        self.as_slice().iter().map(bytes).sum()
+        self.as_slice().iter().map(|strip| size_of_val(&strip.values[..])).sum()
     }
 }
 
 /// The strips of neighbouring bands, the first of which starts at row `first` of the image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bands<'a, T: Scalar> {
-    pub(super) bands: &'a [Strips<T>],
+pub(super) struct Bands<'a, S> {
+    pub(super) bands: &'a [Strips<S>],
     pub(super) first: usize,
 }
 
-impl<'a, T: Scalar> Bands<'a, T> {
+impl<'a, S: Scalar> Bands<'a, S> {
     /// The strips of a rung, halved so often, that hold something in some of its rows.
     pub(super) fn strips(
         &self,
         rung: usize,
         halvings: usize,
         rows: Range<usize>,
-    ) -> impl Iterator<Item = &'a Strip<T>> + Clone + use<'a, T> {
+    ) -> impl Iterator<Item = &'a Strip<S>> + Clone + use<'a, S> {
         let band = |row: usize| (row << halvings).saturating_sub(self.first) / ROWS;
         // Doubling looks at less than two rows beyond a band's own.
         let start = band(rows.start).saturating_sub(2).min(self.bands.len());

@@ -74,7 +74,7 @@ fn shared(scene: &Scene, which: LensNumber) -> Option<f64> {
 }
 
 /// The number that a view has of its own.
-fn own(scene: &Scene, view: usize, which: LensNumber) -> Option<f64> {
+fn view_number(scene: &Scene, view: usize, which: LensNumber) -> Option<f64> {
     let shared = shared(scene, which)?;
     let lens = scene.views[view].lens;
     let learnt = scene.description.learn.lens.as_ref();
@@ -94,10 +94,11 @@ fn picked(which: LensNumber, opening: Option<Opening>, focus: Option<Positive>) 
 /// Subject 0 is what views share, where some view does; the others are views with a number of their own.
 fn start(scene: &Scene, subject: usize, which: LensNumber) -> Option<Tensor<f32>> {
     let number = match subject.checked_sub(1) {
-        Some(view) => own(scene, view, which),
+        Some(view) => view_number(scene, view, which),
         None => {
             let mut views = 0..scene.views.len();
-            let is_used = views.is_empty() || views.any(|view| own(scene, view, which).is_none());
+            let is_used =
+                views.is_empty() || views.any(|view| view_number(scene, view, which).is_none());
             shared(scene, which).filter(|_| is_used)
         }
     };
@@ -127,7 +128,7 @@ fn set(scene: &mut Scene, subject: usize, which: LensNumber, learnt: &Tensor<f32
 
 impl<'t> Values<'t, '_> {
     /// A number of a view's lens; `None` where its lens has none.
-    pub(crate) fn of_lens(
+    pub(crate) fn lens_number(
         &self,
         scene: &Scene,
         view: usize,
@@ -138,7 +139,7 @@ impl<'t> Values<'t, '_> {
             LensNumber::Radius => &RADIUS,
             LensNumber::Focus => &FOCUS,
         };
-        Some(match own(scene, view, which) {
+        Some(match view_number(scene, view, which) {
             Some(number) => self.number(row, &scene.views[view].name, number),
             None => self.number(row, "", shared(scene, which)?),
         })

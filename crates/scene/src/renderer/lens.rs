@@ -41,7 +41,7 @@ impl<'t> StepLens<'t> {
         reduce: usize,
     ) -> Result<Option<Self>, FitError> {
         let Some(entry) = scene.description.pipeline.lens else { return Ok(None) };
-        let number = |which| values.of_lens(scene, camera.view, which);
+        let number = |which| values.lens_number(scene, camera.view, which);
         let Some(focus) = number(LensNumber::Focus) else { return Ok(None) };
         // Lengths in pixels shrink with the image.
         let share = 1.0 / reduce as f64;
