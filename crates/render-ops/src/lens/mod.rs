@@ -29,8 +29,8 @@
 //!
 //! | aperture, pixels | 5 | 20 | 80 |
 //! |---|---|---|---|
-//! | a board in front of a wall in focus | 55, 79 | 52, 77 | 47, 81 |
-//! | a floor from the eye through the focus | 65, 95 | 81, 115 | 98, 162 |
+//! | a board in front of a wall in focus | 55, 84 | 52, 82 | 48, 86 |
+//! | a floor from the eye through the focus | 68, 95 | 84, 116 | 101, 156 |
 //!
 //! # Limits
 //! What no ray through the middle of the lens meets is not known: the far side of a ball's rim, and surfaces
