@@ -62,6 +62,21 @@ pub(super) fn gap<S: Scalar>(a: S, b: S) -> Gap<S> {
     Gap { share, slopes, piece: 2 + u8::from(is_first_larger) }
 }
 
+/// g(a, b) where b is at least `least`, else 0.
+#[inline]
+fn gap_from<S: Scalar>(least: f64, a: S, b: S) -> Gap<S> {
+    if b.to_f64() < least {
+        return Gap { share: S::ZERO, slopes: [S::ZERO; 2], piece: 0 };
+    }
+    gap(a, b)
+}
+
+/// Whether g(a, b) is above 0.
+#[inline(always)]
+pub(super) fn is_gap(a: f64, b: f64) -> bool {
+    4.0 * (b - a).abs() > 2.0 + 0.65 * a.abs().max(b.abs())
+}
+
 /// A fragment of a layer; the visible layer is the first one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Surface {
@@ -82,12 +97,13 @@ pub(super) struct Link<S> {
     pub(super) radius: S,
 }
 
-/// The share of the last of `chain`, and a number that tells on which smooth piece it lies.
-pub(super) fn share_behind<S: Scalar>(chain: &[Link<S>]) -> (S, u64) {
+/// The share of the last of `chain`, and a number that tells on which smooth piece it lies. What has a smaller
+/// radius than `least` shows nothing but what alphas leave.
+pub(super) fn share_behind<S: Scalar>(chain: &[Link<S>], least: f64) -> (S, u64) {
     let Some((last, front)) = chain.split_last() else { return (S::ONE, 0) };
     let (mut share, mut piece) = (S::ONE, 0);
     for link in front {
-        let gap = gap(link.radius, last.radius);
+        let gap = gap_from(least, link.radius, last.radius);
         share *= S::ONE - link.alpha * (S::ONE - gap.share);
         piece = 4 * piece + u64::from(gap.piece);
     }
@@ -125,18 +141,23 @@ pub(super) struct LinkBar<S> {
 }
 
 /// Adds to `bars`, one for each of `chain`, what the gradient of [`share_behind`] says of them.
-pub(super) fn pull_back_share<S: Scalar>(chain: &[Link<S>], share_bar: S, bars: &mut [LinkBar<S>]) {
+pub(super) fn pull_back_share<S: Scalar>(
+    chain: &[Link<S>],
+    least: f64,
+    share_bar: S,
+    bars: &mut [LinkBar<S>],
+) {
     let Some((last, front)) = chain.split_last() else { return };
     let end = front.len();
     for (i, link) in front.iter().enumerate() {
         let mut rest = share_bar;
         for (j, other) in front.iter().enumerate() {
             if j != i {
-                let gap = gap(other.radius, last.radius).share;
+                let gap = gap_from(least, other.radius, last.radius).share;
                 rest *= S::ONE - other.alpha * (S::ONE - gap);
             }
         }
-        let gap = gap(link.radius, last.radius);
+        let gap = gap_from(least, link.radius, last.radius);
         bars[i].alpha -= rest * (S::ONE - gap.share);
         let gap_bar = rest * link.alpha;
         bars[i].radius += gap_bar * gap.slopes[0];
@@ -147,6 +168,8 @@ pub(super) fn pull_back_share<S: Scalar>(chain: &[Link<S>], share_bar: S, bars: 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const LEAST: f64 = f64::NEG_INFINITY;
 
     fn link(alpha: f64, radius: f64) -> Link<f64> {
         Link { surface: Surface::BACKGROUND, alpha, radius }
@@ -182,10 +205,10 @@ mod tests {
 
     #[test]
     fn an_opaque_surface_hides_what_touches_it_and_a_clear_one_nothing() {
-        assert_eq!(share_behind(&[link(1.0, 2.0), link(1.0, 2.1)]).0, 0.0);
-        assert_eq!(share_behind(&[link(0.0, 2.0), link(1.0, 2.1)]).0, 1.0);
-        assert_eq!(share_behind(&[link(1.0, -9.0), link(1.0, 9.0)]).0, 1.0);
-        assert_eq!(share_behind(&[link(0.25, 2.0), link(0.5, 2.0), link(1.0, 2.1)]).0, 0.375);
+        assert_eq!(share_behind(&[link(1.0, 2.0), link(1.0, 2.1)], LEAST).0, 0.0);
+        assert_eq!(share_behind(&[link(0.0, 2.0), link(1.0, 2.1)], LEAST).0, 1.0);
+        assert_eq!(share_behind(&[link(1.0, -9.0), link(1.0, 9.0)], LEAST).0, 1.0);
+        assert_eq!(share_behind(&[link(0.25, 2.0), link(0.5, 2.0), link(1.0, 2.1)], LEAST).0, 0.375);
     }
 
     #[test]
@@ -210,14 +233,14 @@ mod tests {
     fn the_gradients_of_a_share_are_those_of_differences() {
         let chain = [link(0.7, -1.0), link(0.4, 0.3), link(1.0, 1.1)];
         let mut bars = [LinkBar { alpha: 0.0, radius: 0.0 }; 3];
-        pull_back_share(&chain, 1.5, &mut bars);
+        pull_back_share(&chain, LEAST, 1.5, &mut bars);
         let step = 1e-6;
         for k in 0..3 {
             let quotient = |change: fn(&mut Link<f64>, f64)| {
                 let at = |step: f64| {
                     let mut moved = chain;
                     change(&mut moved[k], step);
-                    1.5 * share_behind(&moved).0
+                    1.5 * share_behind(&moved, LEAST).0
                 };
                 (at(step) - at(-step)) / (2.0 * step)
             };

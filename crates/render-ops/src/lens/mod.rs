@@ -46,6 +46,7 @@ mod bands;
 mod blur;
 mod blurs;
 mod circles;
+mod disocclusion;
 mod frame;
 mod front_to_back;
 mod hiding;
@@ -64,6 +65,7 @@ use smallvec::SmallVec;
 use self::bands::{Band, Bench, FillOutcome, Passes, add_piece};
 use self::blurs::Blurs;
 use self::circles::Optics;
+use self::disocclusion::{Disocclusion, Visible};
 use self::frame::Frame;
 use self::iris::BLADES;
 pub use self::iris::Iris;
@@ -345,6 +347,7 @@ struct Saved<T: Scalar> {
     blurs: Blurs,
     /// Per layer the radii of its circles.
     radii: Vec<Vec<T>>,
+    disocclusion: Disocclusion,
     keeps_hidden: bool,
     /// The rungs by band, and the blurred rungs by band of what is shown.
     sources: Vec<Strips<T::Wide>>,
@@ -363,6 +366,7 @@ impl<T: Scalar> Default for Saved<T> {
         Self {
             blurs: Blurs::default(),
             radii: Vec::new(),
+            disocclusion: Disocclusion::default(),
             keeps_hidden: false,
             sources: Vec::new(),
             outcomes: Vec::new(),
@@ -411,14 +415,32 @@ impl DrawLens {
         capped
     }
 
+    /// Finds where hidden surfaces can be seen.
+    fn find_jumps<T: Scalar>(
+        &self,
+        inputs: &Inputs<'_, T>,
+        radii: &[T],
+        disocclusion: &mut Disocclusion,
+    ) {
+        let [colors, alphas, distances] = [3, 4, 5].map(|input| inputs.data(input));
+        let optics = self.optics([inputs.data(1), inputs.data(2)]);
+        let visible = Visible {
+            coverage: &self.visible,
+            layer: Layer { colors, alphas, distances, radii },
+            weights: if self.has_weights { inputs.data(6) } else { &[] },
+            background: optics.radius(T::Wide::from_f64(self.far)).0.to_f64(),
+        };
+        disocclusion.update(&visible, self.options.iris);
+    }
+
     /// All surfaces, of the operation's inputs.
     fn view<'a, T: Scalar>(
         &'a self,
         input: impl Fn(usize) -> &'a [T],
-        saved: (&'a Blurs, &'a [Vec<T>], bool),
+        saved: (&'a Blurs, &'a [Vec<T>], &'a Disocclusion, bool),
         work: impl FnOnce(&View<'_, T>),
     ) {
-        let (blurs, radii, keeps_hidden) = saved;
+        let (blurs, radii, disocclusion, keeps_hidden) = saved;
         let layer = |((first, _), radii): ((usize, &Coverage), &'a Vec<T>)| Layer {
             colors: input(first),
             alphas: input(first + 1),
@@ -437,6 +459,7 @@ impl DrawLens {
             visible: &self.visible,
             behind: &behind,
             rungs: &blurs.rungs,
+            disocclusion,
             optics,
             sky,
             sky_position: blurs.rungs.locate(sky.radius),
@@ -563,10 +586,11 @@ impl<T: Scalar> Op<T> for DrawLens {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Saved<T>,
     ) -> Result<(), RenderError> {
-        let Saved { blurs, radii, sources, outcomes, bands, benches, .. } = saved;
+        let Saved { blurs, radii, disocclusion, sources, outcomes, bands, benches, .. } = saved;
         saved.capped = self.find_radii(inputs, radii);
         saved.keeps_hidden = self.layers().any(|(first, _)| inputs.needs(first + 1));
         blurs.reach(self.options.largest_radius, self.options.iris);
+        self.find_jumps(inputs, &radii[0], disocclusion);
         let (frame, shown) = (self.frame, self.frame.shown_size());
         let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);
@@ -574,7 +598,7 @@ impl<T: Scalar> Op<T> for DrawLens {
         let passes = Passes { blurs, frame, benches };
         self.view(
             |k| inputs.data(k),
-            (blurs, radii, saved.keeps_hidden),
+            (blurs, radii, disocclusion, saved.keeps_hidden),
             |view| {
                 passes.fill_rungs(view, sources, outcomes);
             },
@@ -612,7 +636,8 @@ impl<T: Scalar> Op<T> for DrawLens {
         saved: &mut Saved<T>,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Saved { blurs, radii, sources, bands, benches, strip_bars, band_bars, .. } = saved;
+        let Saved { blurs, radii, disocclusion, sources, bands, benches, .. } = saved;
+        let (strip_bars, band_bars) = (&mut saved.strip_bars, &mut saved.band_bars);
         strip_bars.resize_with(bands.len(), Strips::default);
         let passes = Passes { blurs, frame: self.frame, benches };
         passes.pull_back_seen(bands, kept.only_upstream(), strip_bars);
@@ -620,7 +645,7 @@ impl<T: Scalar> Op<T> for DrawLens {
         let blurs = &*blurs;
         self.view(
             |k| kept.input(k),
-            (blurs, radii, saved.keeps_hidden),
+            (blurs, radii, disocclusion, saved.keeps_hidden),
             |view| {
                 for_each_item_mut(band_bars, |band, found| {
                     passes.pull_back_rungs(view, &sources[band], strip_bars, band, found);

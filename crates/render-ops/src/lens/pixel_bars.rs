@@ -103,7 +103,8 @@ impl<S: Scalar> BandBars<S> {
                     self.add_beside(view, place, parts, share_bar, &mut link_bars[0]);
                 }
                 Share::Behind(last) => {
-                    pull_back_share(&parts.chain[..=last as usize], share_bar, link_bars);
+                    let chain = &parts.chain[..=last as usize];
+                    pull_back_share(chain, parts.least_radius, share_bar, link_bars);
                 }
             }
         }

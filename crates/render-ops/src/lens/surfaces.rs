@@ -15,13 +15,14 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::circles::{Circle, Optics};
+use super::disocclusion::Disocclusion;
 use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
 use super::rungs::{Position, Rungs};
 use crate::background::Kind;
 use crate::coverage::Coverage;
 
 /// A share of a pixel that is less is rounding.
-const LEAST_SHARE: f64 = 1e-6;
+pub(super) const LEAST_SHARE: f64 = 1e-6;
 
 /// Stands for "no fragment".
 const NONE: u32 = u32::MAX;
@@ -79,13 +80,15 @@ impl<S: Scalar> Part<S> {
 pub(super) struct Parts<S> {
     pub(super) parts: Vec<Part<S>>,
     pub(super) chain: Vec<Link<S>>,
+    /// The least radius of what can be seen behind the first of the chain.
+    pub(super) least_radius: f64,
     /// A number that tells on which smooth piece they lie.
     pub(super) piece: u64,
 }
 
 impl<S> Default for Parts<S> {
     fn default() -> Self {
-        Self { parts: Vec::new(), chain: Vec::new(), piece: 0 }
+        Self { parts: Vec::new(), chain: Vec::new(), least_radius: 0.0, piece: 0 }
     }
 }
 
@@ -108,6 +111,7 @@ pub(super) struct View<'a, T: Scalar> {
     pub(super) visible: &'a Coverage,
     pub(super) behind: &'a [&'a Coverage],
     pub(super) rungs: &'a Rungs,
+    pub(super) disocclusion: &'a Disocclusion,
     pub(super) optics: Optics<T::Wide>,
     /// The circle of the background, and where it lies among the rungs.
     pub(super) sky: Circle<T::Wide>,
@@ -180,7 +184,7 @@ impl<'a, T: Scalar> View<'a, T> {
                     pieces = Some(boundary.fragments_of(next));
                     next += 1;
                 }
-                self.find_parts([pixel, column], pieces, memory, parts);
+                self.find_parts([row, column], pieces, memory, parts);
                 visit([row, column], parts);
             }
         }
@@ -227,13 +231,15 @@ impl<'a, T: Scalar> View<'a, T> {
     /// What a pixel shows. `pieces` are its fragments, where it is a boundary pixel.
     fn find_parts(
         &self,
-        [pixel, column]: [usize; 2],
+        place: [usize; 2],
         pieces: Option<&[u32]>,
-        row: &Row,
+        list: &Row,
         found: &mut Parts<T::Wide>,
     ) {
         found.parts.clear();
+        found.chain.clear();
         found.piece = 0;
+        found.least_radius = self.disocclusion.least_radius(place);
         let one = T::Wide::ONE;
         match pieces {
             Some(pieces) => {
@@ -248,19 +254,24 @@ impl<'a, T: Scalar> View<'a, T> {
                 }
             }
             None => {
-                let surface = match row.visible[column] {
+                let surface = match list.visible[place[1]] {
                     NONE => Surface::BACKGROUND,
                     fragment => Surface { layer: 0, fragment },
                 };
                 self.add_part(surface, Share::Whole, one, found);
             }
         }
-        self.find_chain(column, row, found);
+        // No radius is larger than that of what is infinitely far.
+        let is_closed = found.least_radius > self.optics.aperture.to_f64();
+        if is_closed && pieces.is_none() && !self.keeps_hidden {
+            return;
+        }
+        self.find_chain(place[1], list, found);
         if pieces.is_some() {
-            self.add_beside(pixel, found);
+            self.add_beside(place[0] * self.visible.size().width + place[1], found);
         }
         for last in 1..found.chain.len() {
-            let (share, piece) = share_behind(&found.chain[..=last]);
+            let (share, piece) = share_behind(&found.chain[..=last], found.least_radius);
             found.piece = found.piece.wrapping_mul(31).wrapping_add(piece);
             if share != T::Wide::ZERO || self.keeps_hidden {
                 let surface = found.chain[last].surface;
@@ -271,7 +282,6 @@ impl<'a, T: Scalar> View<'a, T> {
 
     /// What is at a pixel's centre, the nearest first, and the background last.
     fn find_chain(&self, column: usize, row: &Row, found: &mut Parts<T::Wide>) {
-        found.chain.clear();
         let first = u32::from(!self.behind.is_empty());
         for (layer, list) in (first..).zip(&row.chain) {
             let fragment = list[column];

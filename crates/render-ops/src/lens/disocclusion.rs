@@ -1,0 +1,178 @@
+//! Where what is hidden can be seen: near jumps of depth.
+//!
+//! # Forward
+//! A ray from a hidden surface of radius s at the pixel x, through the point p of the iris, passes where its radius
+//! is r the pixel `x + p (s - r)`. On its way to the lens r falls. At x the ray is behind what is visible, and it
+//! stays behind where that is opaque and continuous. Only where the radius of what is visible jumps from a up to b
+//! does the ray come out, with r between a and b: at a distance of at most `s - a` from x. So a hidden surface is
+//! seen only if, for some jump at a distance d, `s >= a + d`.
+//!
+//! A jump is where neighbouring pixels are apart by `hiding`, or where a surface lets light through. For tiles of 16
+//! x 16 pixels the least `a + d` is found: first for each tile of its own jumps, then by a sweep forth and one back.
+
+use bokashi_core::Scalar;
+use bokashi_core::parallel::for_each_two_pieces_mut;
+
+use super::hiding::is_gap;
+use super::iris::Iris;
+use super::strips::ROWS;
+use super::surfaces::{LEAST_SHARE, Layer};
+use crate::coverage::Coverage;
+
+/// Columns in a tile, as many as its rows.
+const COLUMNS: usize = ROWS;
+
+/// Pixels that a jump may be off: it lies between pixel centres, and blurs reach a pixel farther than their radius.
+const SLACK: f64 = 3.0;
+
+/// Per tile the least radius of a hidden surface that can be seen.
+#[derive(Debug, Default)]
+pub(super) struct Disocclusion {
+    least: Vec<f64>,
+    tiles: usize,
+    ranges: Vec<[Ranges; 2]>,
+}
+
+/// The least and the largest radius that each pixel of a row shows.
+#[derive(Debug, Default, Clone)]
+struct Ranges {
+    least: Vec<f64>,
+    largest: Vec<f64>,
+}
+
+/// What is visible.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Visible<'a, T> {
+    pub(super) coverage: &'a Coverage,
+    pub(super) layer: Layer<'a, T>,
+    /// Of its pieces.
+    pub(super) weights: &'a [T],
+    /// The radius of the background's circle.
+    pub(super) background: f64,
+}
+
+impl Disocclusion {
+    /// Finds all jumps, and what they let be seen through an iris.
+    pub(super) fn update<T: Scalar>(&mut self, visible: &Visible<'_, T>, iris: Iris) {
+        let size = visible.coverage.size();
+        let bands = size.height.div_ceil(ROWS);
+        self.tiles = size.width.div_ceil(COLUMNS);
+        self.least.clear();
+        self.least.resize(bands * self.tiles, f64::INFINITY);
+        self.ranges.resize_with(bands, Default::default);
+        let Self { least, ranges, tiles } = self;
+        for_each_two_pieces_mut(least, ranges, [*tiles, 1], |band, least, ranges| {
+            let [above, below] = &mut ranges[0];
+            visible.read_row(band * ROWS, above, least);
+            for row in band * ROWS..((band + 1) * ROWS).min(size.height) {
+                // The last row is its own neighbour.
+                visible.read_row((row + 1).min(size.height - 1), below, least);
+                find_jumps([above, below], least);
+                std::mem::swap(above, below);
+            }
+        });
+        self.spread(COLUMNS as f64 / iris.reach());
+    }
+
+    /// Lets each tile know of jumps elsewhere: `step` farther back per tile.
+    fn spread(&mut self, step: f64) {
+        let (tiles, count) = (self.tiles, self.least.len());
+        let mut lower = |index: usize, [row, column]: [usize; 2]| {
+            let other = self.least[row * tiles + column] + step;
+            self.least[index] = self.least[index].min(other);
+        };
+        for index in 0..count {
+            let [row, column] = [index / tiles, index % tiles];
+            let columns = column.saturating_sub(1)..(column + 2).min(tiles);
+            if row > 0 {
+                columns.for_each(|column| lower(index, [row - 1, column]));
+            }
+            if column > 0 {
+                lower(index, [row, column - 1]);
+            }
+        }
+        for index in (0..count).rev() {
+            let [row, column] = [index / tiles, index % tiles];
+            let columns = column.saturating_sub(1)..(column + 2).min(tiles);
+            if index + tiles < count {
+                columns.for_each(|column| lower(index, [row + 1, column]));
+            }
+            if column + 1 < tiles {
+                lower(index, [row, column + 1]);
+            }
+        }
+        // Neighbouring tiles may have neighbouring pixels.
+        self.least.iter_mut().for_each(|least| *least -= step + SLACK);
+    }
+
+    /// The least radius of a hidden surface that can be seen at a pixel.
+    #[inline(always)]
+    pub(super) fn least_radius(&self, [row, column]: [usize; 2]) -> f64 {
+        self.least[row / ROWS * self.tiles + column / COLUMNS]
+    }
+}
+
+impl<T: Scalar> Visible<'_, T> {
+    /// Finds which radii a row shows. What lets light through counts as a jump in its tile.
+    fn read_row(&self, row: usize, ranges: &mut Ranges, tiles: &mut [f64]) {
+        let width = self.coverage.size().width;
+        let Ranges { least, largest } = ranges;
+        least.clear();
+        least.resize(width, self.background);
+        for run in self.coverage.runs_in_row(row) {
+            let first = run.pixels().start - row * width;
+            let radii = &self.layer.radii[run.fragments()];
+            let to = &mut least[first..first + radii.len()];
+            to.iter_mut().zip(radii).for_each(|(to, radius)| *to = radius.to_f64());
+            let alphas = &self.layer.alphas[run.fragments()];
+            if alphas.iter().any(|&alpha| alpha < T::ONE) {
+                for (k, _) in alphas.iter().enumerate().filter(|(_, alpha)| **alpha < T::ONE) {
+                    lower(&mut tiles[(first + k) / COLUMNS], least[first + k]);
+                }
+            }
+        }
+        largest.clone_from(least);
+        let boundary = &self.coverage.boundary;
+        let ends = [row * width, (row + 1) * width];
+        let [start, end] =
+            ends.map(|end| boundary.pixels.partition_point(|&pixel| (pixel as usize) < end));
+        for index in start..end {
+            let column = boundary.pixels[index] as usize - row * width;
+            let (mut near, mut far, mut left) = (f64::INFINITY, f64::NEG_INFINITY, 1.0);
+            for &fragment in boundary.fragments_of(index) {
+                let radius = self.layer.radii[fragment as usize].to_f64();
+                (near, far) = (near.min(radius), far.max(radius));
+                left -= self.weights[fragment as usize - self.coverage.centers()].to_f64();
+                if self.layer.alphas[fragment as usize] < T::ONE {
+                    lower(&mut tiles[column / COLUMNS], radius);
+                }
+            }
+            if left > LEAST_SHARE {
+                (near, far) = (near.min(self.background), far.max(self.background));
+            }
+            (least[column], largest[column]) = (near, far);
+        }
+    }
+}
+
+fn lower(least: &mut f64, value: f64) {
+    *least = least.min(value);
+}
+
+/// Finds the jumps between pixels of two rows.
+fn find_jumps([above, below]: [&Ranges; 2], tiles: &mut [f64]) {
+    let width = above.least.len();
+    for (tile, to) in tiles.iter_mut().enumerate() {
+        let columns = tile * COLUMNS..width.min((tile + 1) * COLUMNS + 1);
+        let [a, b] = [above, below].map(|ranges| &ranges.least[columns.clone()]);
+        let [c, d] = [above, below].map(|ranges| &ranges.largest[columns.clone()]);
+        for k in 0..a.len() {
+            let next = (k + 1).min(a.len() - 1);
+            let near = a[k].min(a[next]).min(b[k]).min(b[next]);
+            let far = c[k].max(c[next]).max(d[k]).max(d[next]);
+            if is_gap(near, far) {
+                lower(to, near);
+            }
+        }
+    }
+}
