@@ -75,8 +75,7 @@ fn drawn(lens: ThinLens<'_, f64>) -> Result<Var<'_, f64>, Box<dyn Error>> {
     let layer = |fragments| -> Result<_, RenderError> {
         let premultiplied = interpolate(colors, fragments)?;
         let alpha = tape.constant_full([fragments.coverage.count()], 1.0);
-        let distance = eye_depth(fragments)?.values();
-        Ok(LensLayer { fragments, premultiplied, alpha, distance })
+        LensLayer::from_fragments(fragments, premultiplied, alpha)
     };
     let behind = hidden.iter().map(layer).collect::<Result<Vec<_>, _>>()?;
     let options = ThinLensOptions { margin: MARGIN, ..ThinLensOptions::default() };

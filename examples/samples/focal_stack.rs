@@ -49,7 +49,7 @@ fn drawn<'t>(
     let seen = |fragments| -> Result<_, FitError> {
         let premultiplied = boards.stripes(fragments)?;
         let alpha = tape.constant_full([fragments.coverage.count()], 1.0);
-        Ok(LensLayer { fragments, premultiplied, alpha, distance: eye_depth(fragments)?.values() })
+        Ok(LensLayer::from_fragments(fragments, premultiplied, alpha)?)
     };
     let layers = layers.iter().map(seen).collect::<Result<Vec<_>, _>>()?;
     let far = f64::INFINITY;

@@ -144,7 +144,7 @@ pub use differentials::differentials;
 pub use downsample::downsample;
 pub use environment::{Environment, Prefilter, irradiance};
 pub use error::RenderError;
-pub use eye_depth::{EyeDepth, eye_depth};
+pub use eye_depth::{EyeDepth, eye_depth, eye_depth_slope};
 pub use face_normals::face_normals;
 pub use filter::{CustomFilter, Filter};
 pub use fragments::{Fragments, StillFragments};

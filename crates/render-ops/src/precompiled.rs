@@ -103,7 +103,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
     let lens = Lens { aperture: x, focus: x };
     depth_of_field(image, distances, lens, &LensOptions::default())?;
-    let layer = LensLayer { fragments: &fragments, premultiplied: x, alpha: x, distance: x };
+    let layer = LensLayer::from_fragments(&fragments, x, x)?;
     let lens = ThinLens::from_radius(x, x, x)?;
     lens_picture(layer, &[layer], Background::Zero, 1.0, lens, &ThinLensOptions::default())?;
     downsample(image, 1, &Filter::Mitchell, Border::Mirror)?;

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::interpolate;
 use bokashi_render_ops::{Cull, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size};
-use bokashi_render_ops::{eye_depth, interpolate};
 
 /// Circles of confusion are given in pixels of pictures with so many along a side, whose focal length is
 /// 100 pixels.
@@ -219,12 +219,12 @@ impl LensScene {
 pub(super) fn look<'t, T: Scalar>(
     attributes: Var<'t, T>,
     fragments: &Fragments<'t, T>,
-) -> Result<[Var<'t, T>; 3], RenderError> {
+) -> Result<[Var<'t, T>; 2], RenderError> {
     let values = interpolate(attributes, fragments)?;
     let waves = values.slice(1, 0..1)?.sin() * values.slice(1, 1..2)?.sin();
     let colors = values.slice(1, 2..4)? + waves * T::from_f64(0.25);
     let alpha = values.slice(1, 4..5)?.reshape([fragments.coverage.count()])?;
-    Ok([colors, alpha, eye_depth(fragments)?.values()])
+    Ok([colors, alpha])
 }
 
 /// The background's colour.

@@ -51,7 +51,7 @@ pub(super) fn pinhole<'t, T: Scalar>(
     let (solid, pane) = scene.parts()?;
     let draw = |mesh, background| -> Result<_, RenderError> {
         let fragments = rasterize(clip, mesh, options.creases(&[attributes.into()]))?;
-        let [colors, ..] = look(attributes, &fragments)?;
+        let [colors, _] = look(attributes, &fragments)?;
         composite(colors, &fragments, background)?.image()
     };
     let image = draw(&solid, Background::Color(sky(tape)))?;

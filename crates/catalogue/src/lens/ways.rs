@@ -24,10 +24,10 @@ pub fn draw<'t, T: Scalar>(
     let options = scene.exact(frame.size());
     let visible = rasterize(clip, &mesh, options.creases(&[attributes.into()]))?;
     let hidden = depth_layers(clip, &mesh, options.sampling(Sampling::Center), Some(3))?;
-    let layer = |fragments| -> Result<_, RenderError> {
-        let [colors, alpha, distance] = look(attributes, fragments)?;
+    let layer = |fragments| {
+        let [colors, alpha] = look(attributes, fragments)?;
         let premultiplied = colors * alpha.reshape([fragments.coverage.count(), 1])?;
-        Ok(LensLayer { fragments, premultiplied, alpha, distance })
+        LensLayer::from_fragments(fragments, premultiplied, alpha)
     };
     let behind = hidden.iter().map(layer).collect::<Result<Vec<_>, _>>()?;
     let options = ThinLensOptions { margin: frame.margin, ..ThinLensOptions::default() };

@@ -7,7 +7,8 @@
 //! # Backward
 //! With `E = (C_bar, A_bar)` of the rungs k and k + 1 at its pixel, blurred, a surface of colour times alpha c,
 //! of alpha a, and with the share p of the pixel has with `B = (1 - t) E_k + t E_(k+1)`:
-//! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`.
+//! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`. Where a surface is moved (`tilt`),
+//! E is the mean of those at the pixels that share it.
 
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
@@ -20,6 +21,7 @@ use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
 use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, View};
+use super::tilt;
 use crate::scratch::Workbench;
 use crate::size::Size;
 
@@ -73,14 +75,25 @@ fn add_to_rung<T: Scalar>(
     let mean = frame.mean_weight(halvings, [row, column]);
     let weight = weight * part.share * T::Wide::from_f64(mean);
     let alpha = alpha.widen();
-    let [row, column] = [row >> halvings, column >> halvings];
-    strip.hold(column);
-    let (mut offset, plane) = (strip.offset(row, column), strip.plane());
-    for (&color, &reference) in color.iter().zip(view.reference) {
-        strip.values[offset] += weight * (color.widen() - alpha * reference.widen());
-        offset += plane;
+    let mut add = |[row, column]: [usize; 2], weight: T::Wide| {
+        strip.hold(column);
+        let (mut offset, plane) = (strip.offset(row, column), strip.plane());
+        for (&color, &reference) in color.iter().zip(view.reference) {
+            strip.values[offset] += weight * (color.widen() - alpha * reference.widen());
+            offset += plane;
+        }
+        strip.values[offset] += weight * alpha;
+    };
+    if !part.is_moved() {
+        return add([row >> halvings, column >> halvings], weight);
     }
-    strip.values[offset] += weight * alpha;
+    let small = halved(frame.size, halvings);
+    let [columns, rows] = tilt::taps(small, halvings, [row, column], part.shift);
+    for (row, by_row, _) in rows {
+        for (column, by_column, _) in columns {
+            add([row, column], weight * by_row * by_column);
+        }
+    }
 }
 
 /// The passes, and memory for them.
@@ -116,8 +129,11 @@ impl<T: Scalar> Passes<'_, T> {
                             let index = strips.index(rung).unwrap_or_else(|| {
                                 let halvings = halvings[rung];
                                 let size = halved(frame.size, halvings);
-                                let rows = rows.start >> halvings..rows.end.div_ceil(1 << halvings);
-                                let place = [rows, 0..size.width];
+                                let ends =
+                                    [rows.start >> halvings, rows.end.div_ceil(1 << halvings)];
+                                let first = ends[0].saturating_sub(view.reach());
+                                let end = (ends[1] + view.reach()).min(size.height);
+                                let place = [first..end, 0..size.width];
                                 let strip = strips.push(rung, view.channels + 1, place);
                                 strip.values.fill(T::Wide::ZERO);
                                 strip.held = 0..0;

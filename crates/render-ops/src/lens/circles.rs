@@ -7,7 +7,8 @@
 //! at `x + p s`: so s says how much is blurred, and what is in front of what.
 //!
 //! # Backward
-//! `ds/dz = K f / z^2`, `ds/dK = 1 - f / z`, `ds/df = -K / z`; all three are 0 where s is capped.
+//! `ds/dz = K f / z^2`, `ds/dK = 1 - f / z`, `ds/df = -K / z`; all three are 0 where s is capped. Of ds/dz, the
+//! derivatives by z, K and f are `-2 K f / z^3`, `f / z^2` and `K / z^2`.
 //!
 //! # Where it is not smooth
 //! Where s reaches its cap.
@@ -34,6 +35,15 @@ pub(super) struct Optics<S> {
 }
 
 impl<S: Scalar> Optics<S> {
+    /// The derivatives of `ds/dz` by distance, aperture and focus, where the circle is not capped.
+    #[inline]
+    pub(super) fn bends(&self, z: S) -> [S; 3] {
+        let Self { aperture, focus, .. } = *self;
+        let inverse = S::ONE / z;
+        let square = inverse * inverse;
+        [S::from_f64(-2.0) * aperture * focus * square * inverse, focus * square, aperture * square]
+    }
+
     /// The radius of the circle of confusion of what is `z` away, and whether it is capped.
     #[inline]
     pub(super) fn radius(&self, z: S) -> (S, bool) {
@@ -93,6 +103,16 @@ mod tests {
             let by_distance = quotient(&|d| OPTICS.circle(z + d).radius);
             let by_aperture =
                 quotient(&|d| Optics { aperture: OPTICS.aperture + d, ..OPTICS }.circle(z).radius);
+            let bends = [
+                quotient(&|d| OPTICS.circle(z + d).by_distance),
+                quotient(&|d| {
+                    Optics { aperture: OPTICS.aperture + d, ..OPTICS }.circle(z).by_distance
+                }),
+                quotient(&|d| Optics { focus: OPTICS.focus + d, ..OPTICS }.circle(z).by_distance),
+            ];
+            for (bend, quotient) in OPTICS.bends(z).into_iter().zip(bends) {
+                assert!((bend - quotient).abs() < 1e-7, "{bend} is not {quotient}");
+            }
             let by_focus =
                 quotient(&|d| Optics { focus: OPTICS.focus + d, ..OPTICS }.circle(z).radius);
             for (slope, quotient) in [

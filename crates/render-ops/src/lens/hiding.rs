@@ -208,7 +208,10 @@ mod tests {
         assert_eq!(share_behind(&[link(1.0, 2.0), link(1.0, 2.1)], LEAST).0, 0.0);
         assert_eq!(share_behind(&[link(0.0, 2.0), link(1.0, 2.1)], LEAST).0, 1.0);
         assert_eq!(share_behind(&[link(1.0, -9.0), link(1.0, 9.0)], LEAST).0, 1.0);
-        assert_eq!(share_behind(&[link(0.25, 2.0), link(0.5, 2.0), link(1.0, 2.1)], LEAST).0, 0.375);
+        assert_eq!(
+            share_behind(&[link(0.25, 2.0), link(0.5, 2.0), link(1.0, 2.1)], LEAST).0,
+            0.375
+        );
     }
 
     #[test]

@@ -55,6 +55,7 @@ mod pixel_bars;
 mod rungs;
 mod strips;
 mod surfaces;
+mod tilt;
 
 use std::sync::Arc;
 
@@ -75,6 +76,7 @@ use self::surfaces::{Layer, View};
 use crate::background::{Background, Kind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
+use crate::eye_depth::{eye_depth, eye_depth_slope};
 use crate::fragments::Fragments;
 use crate::picture::{Composite, checked_channels};
 use crate::scratch::Workbench;
@@ -146,6 +148,10 @@ pub struct LensLayer<'a, 't, T: Scalar> {
     pub alpha: Var<'t, T>,
     /// Distances along the view axis, `[N]`, from 0 to infinity: those of [`eye_depth`](crate::eye_depth()).
     pub distance: Var<'t, T>,
+    /// How the distances change from pixel to pixel, to the right and down, `[N, 2]`: those of
+    /// [`eye_depth_slope`](crate::eye_depth_slope()). Without it each fragment is blurred as if it faced the lens,
+    /// which costs less, and is the same where all do.
+    pub slope: Option<Var<'t, T>>,
 }
 
 /// What [`lens_picture`] gives.
@@ -181,7 +187,7 @@ pub struct LensPicture<'t, T: Scalar> {
 /// [`composite`](crate::composite()), and layers behind are not looked at.
 ///
 /// # Errors
-/// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its alphas and distances `[N]`,
+/// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its alphas and distances `[N]`, its slopes `[N, 2]`,
 ///   the background has as many channels, aperture and focus are single numbers; and for fragments that are
 ///   not whole.
 /// - [`RenderError::ExactLayers`] for a layer of exact coverage behind, [`RenderError::LayerSize`] for layers of
@@ -235,6 +241,13 @@ pub fn lens_picture<'t, T: Scalar>(
         inputs.extend([layer.premultiplied, layer.alpha, layer.distance]);
         hidden.push(coverage);
     }
+    let mut slopes = SmallVec::new();
+    for layer in std::iter::once(&visible).chain(behind) {
+        slopes.push(layer.slope.map(|slope| {
+            inputs.push(slope);
+            inputs.len() - 1
+        }));
+    }
     let hides = std::iter::once(&visible).chain(behind.first());
     if lens.aperture.item() == T::ZERO && hides.clone().all(LensLayer::is_opaque) {
         let values = visible.premultiplied;
@@ -247,7 +260,7 @@ pub fn lens_picture<'t, T: Scalar>(
     let has_weights = visible.fragments.weight.is_some();
     let frame = Frame { size, margin: options.margin };
     let (kind, options) = (backdrop.kind, *options);
-    let op = DrawLens { visible: own, hidden, kind, has_weights, far, frame, options };
+    let op = DrawLens { visible: own, hidden, slopes, kind, has_weights, far, frame, options };
     let look = |saved: &Saved<T>| [saved.capped as u64, saved.piece];
     let (outputs, [capped, piece]) = tape.record_with(op, &inputs, look)?;
     Ok(LensPicture { image: outputs[0], capped: capped as usize, piece })
@@ -291,7 +304,21 @@ fn check_numbers<T: Scalar>(
     }
 }
 
-impl<'t, T: Scalar> LensLayer<'_, 't, T> {
+impl<'a, 't, T: Scalar> LensLayer<'a, 't, T> {
+    /// A layer at the distances of its fragments, and with their slopes, of colours times alpha and alphas.
+    ///
+    /// # Errors
+    /// As [`eye_depth`](crate::eye_depth()).
+    pub fn from_fragments(
+        fragments: &'a Fragments<'t, T>,
+        premultiplied: Var<'t, T>,
+        alpha: Var<'t, T>,
+    ) -> Result<Self, RenderError> {
+        let distance = eye_depth(fragments)?.values();
+        let slope = Some(eye_depth_slope(fragments)?);
+        Ok(Self { fragments, premultiplied, alpha, distance, slope })
+    }
+
     /// # Errors
     /// As [`lens_picture`].
     fn check(&self, count: usize, channels: usize) -> Result<(), RenderError> {
@@ -301,7 +328,9 @@ impl<'t, T: Scalar> LensLayer<'_, 't, T> {
             (self.alpha, &[count], "alphas"),
             (self.distance, &[count], "distances"),
         ];
-        for (variable, shape, what) in expected {
+        let pairs = [count, 2];
+        let slope = self.slope.map(|slope| (slope, &pairs[..], "slopes"));
+        for (variable, shape, what) in expected.into_iter().chain(slope) {
             if !std::ptr::eq(variable.tape(), tape) {
                 return Err(TensorError::ForeignVariable { operation: NAME }.into());
             }
@@ -330,10 +359,13 @@ impl<'t, T: Scalar> LensLayer<'_, 't, T> {
 }
 
 /// Inputs: a background `[C]` or `[H, W, C]`, aperture, focus; of the visible layer colours `[N, C]`, alphas `[N]`
-/// and distances `[N]`, and perhaps weights `[K]`; then colours, alphas and distances of each layer behind.
+/// and distances `[N]`, and perhaps weights `[K]`; then colours, alphas and distances of each layer behind; then the
+/// slopes `[N, 2]` of layers that have some.
 struct DrawLens {
     visible: Arc<Coverage>,
     hidden: SmallVec<[Arc<Coverage>; 4]>,
+    /// The input of each layer's slopes, if it has some.
+    slopes: SmallVec<[Option<usize>; 4]>,
     kind: Kind,
     has_weights: bool,
     far: f64,
@@ -426,7 +458,7 @@ impl DrawLens {
         let optics = self.optics([inputs.data(1), inputs.data(2)]);
         let visible = Visible {
             coverage: &self.visible,
-            layer: Layer { colors, alphas, distances, radii },
+            layer: Layer { colors, alphas, distances, slopes: &[], radii },
             weights: if self.has_weights { inputs.data(6) } else { &[] },
             background: optics.radius(T::Wide::from_f64(self.far)).0.to_f64(),
         };
@@ -441,13 +473,15 @@ impl DrawLens {
         work: impl FnOnce(&View<'_, T>),
     ) {
         let (blurs, radii, disocclusion, keeps_hidden) = saved;
-        let layer = |((first, _), radii): ((usize, &Coverage), &'a Vec<T>)| Layer {
+        let layer = |((first, _), (radii, slopes)): ((usize, &Coverage), (&'a Vec<T>, _))| Layer {
             colors: input(first),
             alphas: input(first + 1),
             distances: input(first + 2),
+            slopes: Option::map_or(slopes, &[][..], &input),
             radii,
         };
-        let layers: Layers<'_, T> = self.layers().zip(radii).map(layer).collect();
+        let each = radii.iter().zip(self.slopes.iter().copied());
+        let layers: Layers<'_, T> = self.layers().zip(each).map(layer).collect();
         let behind: Behind<'_> = self.hidden.iter().map(|layer| &**layer).collect();
         let optics = self.optics([input(1), input(2)]);
         let reference = self.reference(input(0));
@@ -493,8 +527,9 @@ impl DrawLens {
         gradients: &mut Accumulators<'_, T>,
     ) {
         for (layer, (first, coverage)) in self.layers().enumerate() {
-            for (list, width) in [channels, 1, 1].into_iter().enumerate() {
-                let Some(bar) = gradients.get(first + list) else { continue };
+            for (list, width) in [channels, 1, 1, 2].into_iter().enumerate() {
+                let input = if list == 3 { self.slopes[layer] } else { Some(first + list) };
+                let Some(bar) = input.and_then(|input| gradients.get(input)) else { continue };
                 let entries = bar.entries();
                 let centers = &mut entries[..coverage.centers() * width];
                 coverage.centers.for_each_band_mut(width, centers, |slots, first, entries| {
@@ -509,8 +544,8 @@ impl DrawLens {
                     }
                 });
                 if layer == 0 {
-                    let start = [0, channels, channels + 1][list];
-                    add_pieces(bands, [channels + 2, start, width], entries);
+                    let start = [0, channels, channels + 1, channels + 2][list];
+                    add_pieces(bands, [channels + 4, start, width], entries);
                 }
             }
         }

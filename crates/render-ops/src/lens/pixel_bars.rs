@@ -5,8 +5,9 @@ use bokashi_core::Scalar;
 use super::blurs::Blurs;
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
-use super::strips::{ROWS, Strips};
+use super::strips::{ROWS, Strips, halved};
 use super::surfaces::{Part, Parts, Share, View};
+use super::tilt::{self, TiltBar};
 use crate::background::Kind;
 use crate::runs::Run;
 
@@ -15,12 +16,12 @@ use crate::runs::Run;
 pub(super) struct LayerBars<S> {
     /// Whether there are any; the lists are empty before.
     is_used: bool,
-    /// Of the colours, the alphas, and the distances.
-    lists: [Vec<S>; 3],
+    /// Of the colours, the alphas, the distances, and their slopes.
+    lists: [Vec<S>; 4],
 }
 
 impl<S: Scalar> LayerBars<S> {
-    /// The gradients of a run: of colours, alphas or distances, `width` numbers each.
+    /// The gradients of a run: of colours, alphas, distances or slopes, `width` numbers each.
     pub(super) fn run_bars(
         &self,
         list: usize,
@@ -46,7 +47,7 @@ pub(super) struct RungBars<'a, S> {
 #[derive(Debug, Default)]
 pub(super) struct BandBars<S> {
     pub(super) layers: Vec<LayerBars<S>>,
-    /// Visible pieces, and for each its gradients: of the colour, of the alpha, of the distance.
+    /// Visible pieces, and for each its gradients: of the colour, the alpha, the distance and its slope.
     pub(super) pieces: Vec<u32>,
     pub(super) piece_bars: Vec<S>,
     /// Visible pieces, and the gradients of their weights.
@@ -58,6 +59,8 @@ pub(super) struct BandBars<S> {
     pixels: usize,
     /// E at rungs k and k + 1.
     beside: [Vec<S>; 2],
+    /// The derivatives of these by a shift, to the right and down.
+    moved: [[Vec<S>; 2]; 2],
 }
 
 impl<S: Scalar> BandBars<S> {
@@ -92,9 +95,13 @@ impl<S: Scalar> BandBars<S> {
             if !self.read_rungs(rungs, place, part, view.channels) {
                 continue;
             }
+            let tilt_bar = match view.slope(part.surface) {
+                Some(slope) if part.is_moved() => self.tilt_bar(view, part, pixel, slope),
+                _ => TiltBar::ZERO,
+            };
             let (share_bar, next_bar) = self.mix(view, part, pixel);
-            let radius_bar = part.share * next_bar * part.position.slope;
-            self.add_surface(view, part.surface, place, part.share, radius_bar);
+            let radius = part.share * next_bar * part.position.slope + tilt_bar.radius;
+            self.add_surface(view, part.surface, place, part.share, TiltBar { radius, ..tilt_bar });
             match part.kind {
                 Share::Whole => {}
                 Share::Piece => self.weights.push((part.surface.fragment, share_bar)),
@@ -128,20 +135,66 @@ impl<S: Scalar> BandBars<S> {
         if strips.iter().all(Option::is_none) {
             return false;
         }
-        for ((k, beside), strip) in self.beside.iter_mut().enumerate().zip(strips) {
-            beside.resize(channels + 1, S::ZERO);
+        for (k, strip) in strips.into_iter().enumerate() {
+            let lists = std::iter::once(&mut self.beside[k]).chain(&mut self.moved[k]);
+            for list in lists {
+                list.clear();
+                list.resize(channels + 1, S::ZERO);
+            }
+            let Some(strip) = strip else { continue };
             let halvings = blurs.halvings[rung + k];
-            let offset =
-                strip.and_then(|strip| strip.held_offset(row >> halvings, column >> halvings));
-            let (Some(strip), Some(offset)) = (strip, offset) else {
-                beside.fill(S::ZERO);
-                continue;
+            let mean = S::from_f64(frame.mean_weight(halvings, [row, column]));
+            let [x, y] = &mut self.moved[k];
+            let mut add = |[row, column]: [usize; 2], weights: [S; 3]| {
+                let Some(offset) = strip.held_offset(row, column) else { return };
+                let numbers = strip.values[offset..].iter().step_by(strip.plane());
+                for (channel, &number) in numbers.enumerate() {
+                    self.beside[k][channel] += weights[0] * number;
+                    if part.is_moved() {
+                        x[channel] += weights[1] * number;
+                        y[channel] += weights[2] * number;
+                    }
+                }
             };
-            let weight = S::from_f64(frame.mean_weight(halvings, [row, column]));
-            let numbers = strip.values[offset..].iter().step_by(strip.plane());
-            beside.iter_mut().zip(numbers).for_each(|(to, &number)| *to = number * weight);
+            if !part.is_moved() {
+                add([row >> halvings, column >> halvings], [mean, S::ZERO, S::ZERO]);
+                continue;
+            }
+            let small = halved(frame.size, halvings);
+            let [columns, rows] = tilt::taps(small, halvings, [row, column], part.shift);
+            for (row, share_y, slope_y) in rows {
+                for (column, share_x, slope_x) in columns {
+                    let weights = [share_x * share_y, slope_x * share_y, share_x * slope_y];
+                    add([row, column], weights.map(|weight| mean * weight));
+                }
+            }
         }
         true
+    }
+
+    /// The gradients of what a part's shift is made of.
+    fn tilt_bar<T: Scalar<Wide = S>>(
+        &self,
+        view: &View<'_, T>,
+        part: &Part<S>,
+        pixel: usize,
+        slope: [S; 2],
+    ) -> TiltBar<S> {
+        let (color, alpha) = view.color(part.surface, pixel);
+        let shares = part.rungs().map(|rung| rung.map_or(S::ZERO, |(_, share)| share));
+        let mut shift_bar = [S::ZERO; 2];
+        for channel in 0..=color.len() {
+            let value = match color.get(channel) {
+                Some(color) => color.widen() - alpha.widen() * view.reference[channel].widen(),
+                None => alpha.widen(),
+            };
+            for (moved, share) in self.moved.iter().zip(shares) {
+                for (bar, moved) in shift_bar.iter_mut().zip(moved) {
+                    *bar += part.share * share * value * moved[channel];
+                }
+            }
+        }
+        TiltBar::new(&view.circle(part.surface), slope, shift_bar)
     }
 
     /// Makes E of a part, in `beside[0]`; returns the gradients of its share and of t.
@@ -197,7 +250,8 @@ impl<S: Scalar> BandBars<S> {
         beside.clear();
         beside.resize(view.channels, S::ZERO);
         beside.push(bar.alpha);
-        self.add_surface(view, surface, place, S::ONE, bar.radius);
+        let bar = TiltBar { radius: bar.radius, ..TiltBar::ZERO };
+        self.add_surface(view, surface, place, S::ONE, bar);
     }
 
     /// Adds the gradients of the share of what pieces hide.
@@ -230,21 +284,27 @@ impl<S: Scalar> BandBars<S> {
         }
     }
 
-    /// Adds the gradients `share` times those in `beside[0]`, of a surface's colour and alpha, and of its radius.
+    /// Adds the gradients `share` times those in `beside[0]`, of a surface's colour and alpha, and of its circle.
     fn add_surface<T: Scalar<Wide = S>>(
         &mut self,
         view: &View<'_, T>,
         surface: Surface,
         [row, column]: [usize; 2],
         share: S,
-        radius_bar: S,
+        bar: TiltBar<S>,
     ) {
         let mut distance_bar = S::ZERO;
-        if !radius_bar.is_same(S::ZERO) {
+        if !bar.radius.is_same(S::ZERO) {
             let circle = view.circle(surface);
-            self.optics[0] += radius_bar * circle.by_aperture;
-            self.optics[1] += radius_bar * circle.by_focus;
-            distance_bar = radius_bar * circle.by_distance;
+            self.optics[0] += bar.radius * circle.by_aperture;
+            self.optics[1] += bar.radius * circle.by_focus;
+            distance_bar = bar.radius * circle.by_distance;
+        }
+        if !bar.by_distance.is_same(S::ZERO) {
+            let [by_distance, by_aperture, by_focus] = view.bends(surface);
+            self.optics[0] += bar.by_distance * by_aperture;
+            self.optics[1] += bar.by_distance * by_focus;
+            distance_bar += bar.by_distance * by_distance;
         }
         let (bars, channels) = (&self.beside[0], view.channels);
         let pixel = row % ROWS * view.visible.size().width + column;
@@ -257,20 +317,24 @@ impl<S: Scalar> BandBars<S> {
             self.pieces.push(surface.fragment);
             self.piece_bars.extend(bars.iter().map(|&bar| share * bar));
             self.piece_bars.push(distance_bar);
+            self.piece_bars.extend(bar.slope);
             return;
         }
         let LayerBars { is_used, lists } = &mut self.layers[surface.layer as usize];
         if !*is_used {
             *is_used = true;
-            for (list, width) in lists.iter_mut().zip([channels, 1, 1]) {
+            let slopes = if view.slope(surface).is_some() { 2 } else { 0 };
+            for (list, width) in lists.iter_mut().zip([channels, 1, 1, slopes]) {
                 list.clear();
                 list.resize(self.pixels * width, S::ZERO);
             }
         }
-        let [colors, alphas, distances] = lists;
+        let [colors, alphas, distances, slopes] = lists;
         let to = &mut colors[pixel * channels..][..channels];
         to.iter_mut().zip(bars).for_each(|(to, &bar)| *to += share * bar);
         alphas[pixel] += share * bars[channels];
         distances[pixel] += distance_bar;
+        let to = slopes.get_mut(2 * pixel..2 * pixel + 2).unwrap_or_default();
+        to.iter_mut().zip(bar.slope).for_each(|(to, bar)| *to += bar);
     }
 }

@@ -18,6 +18,7 @@ use super::circles::{Circle, Optics};
 use super::disocclusion::Disocclusion;
 use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
 use super::rungs::{Position, Rungs};
+use super::tilt;
 use crate::background::Kind;
 use crate::coverage::Coverage;
 
@@ -34,6 +35,8 @@ pub(super) struct Layer<'a, T> {
     pub(super) colors: &'a [T],
     pub(super) alphas: &'a [T],
     pub(super) distances: &'a [T],
+    /// How distances change from pixel to pixel, `[N, 2]`, or nothing.
+    pub(super) slopes: &'a [T],
     /// Of the circles of confusion.
     pub(super) radii: &'a [T],
 }
@@ -62,9 +65,15 @@ pub(super) struct Part<S> {
     /// Of its circle, and where it lies among the rungs.
     pub(super) radius: S,
     pub(super) position: Position<S>,
+    /// How far to the right and down it is moved, in pixels.
+    pub(super) shift: [S; 2],
 }
 
 impl<S: Scalar> Part<S> {
+    pub(super) fn is_moved(&self) -> bool {
+        self.shift.iter().any(|&shift| shift != S::ZERO)
+    }
+
     /// The rungs that it lies on, with its weights.
     #[inline]
     pub(super) fn rungs(&self) -> [Option<(usize, S)>; 2] {
@@ -138,6 +147,12 @@ impl<'a, T: Scalar> View<'a, T> {
         (&layer.colors[row * channels..][..channels], layer.alphas[row])
     }
 
+    /// How many rows beyond its own a surface may be moved to.
+    pub(super) fn reach(&self) -> usize {
+        let is_tilted = self.layers.iter().any(|layer| !layer.slopes.is_empty());
+        if is_tilted { tilt::REACH } else { 0 }
+    }
+
     /// The radius of a surface's circle.
     #[inline]
     fn radius(&self, surface: Surface) -> T::Wide {
@@ -147,6 +162,17 @@ impl<'a, T: Scalar> View<'a, T> {
         self.layers[surface.layer as usize].radii[surface.fragment as usize].widen()
     }
 
+    /// How the distance of a surface changes from pixel to pixel, where that is known.
+    #[inline]
+    pub(super) fn slope(&self, surface: Surface) -> Option<[T::Wide; 2]> {
+        if surface == Surface::BACKGROUND {
+            return None;
+        }
+        let first = 2 * surface.fragment as usize;
+        let slopes = self.layers[surface.layer as usize].slopes.get(first..first + 2)?;
+        Some([slopes[0].widen(), slopes[1].widen()])
+    }
+
     /// The circle of a surface.
     pub(super) fn circle(&self, surface: Surface) -> Circle<T::Wide> {
         if surface == Surface::BACKGROUND {
@@ -154,6 +180,12 @@ impl<'a, T: Scalar> View<'a, T> {
         }
         let distances = self.layers[surface.layer as usize].distances;
         self.optics.circle(distances[surface.fragment as usize].widen())
+    }
+
+    /// The derivatives of `ds/dz` of a surface, by distance, aperture and focus.
+    pub(super) fn bends(&self, surface: Surface) -> [T::Wide; 3] {
+        let distances = self.layers[surface.layer as usize].distances;
+        self.optics.bends(distances[surface.fragment as usize].widen())
     }
 
     /// How many of the visible layer's fragments lie at pixel centres.
@@ -332,12 +364,17 @@ impl<'a, T: Scalar> View<'a, T> {
             Surface::BACKGROUND => self.sky_position,
             _ => self.rungs.locate(radius),
         };
+        let (mut shift, mut tilt) = ([T::Wide::ZERO; 2], 0);
+        if let Some(slope) = self.slope(surface) {
+            let circle = self.circle(surface);
+            (shift, tilt) = (tilt::shift(&circle, slope), tilt::piece(&circle, slope));
+        }
         // Whether a share of 0 is listed depends on who asks.
         if share != T::Wide::ZERO {
             let is_capped = radius.abs().to_f64() >= self.optics.largest;
             let place = 2 * position.rung as u64 + u64::from(is_capped);
-            found.piece = found.piece.wrapping_mul(1009).wrapping_add(place);
+            found.piece = found.piece.wrapping_mul(1009).wrapping_add(place ^ tilt);
         }
-        found.parts.push(Part { surface, kind, share, radius, position });
+        found.parts.push(Part { surface, kind, share, radius, position, shift });
     }
 }

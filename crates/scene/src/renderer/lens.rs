@@ -6,7 +6,7 @@ use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Fragments, Iris, LensLayer, RenderError, Size, ThinLens, ThinLensOptions,
-    eye_depth, lens_picture,
+    lens_picture,
 };
 
 use super::margin::{Surroundings, margin};
@@ -128,7 +128,6 @@ impl<'t> Layer<'t> {
     fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
         let Self { fragments, light } = self;
         let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
-        let distance = eye_depth(fragments)?.values();
-        Ok(LensLayer { fragments, premultiplied: *light, alpha, distance })
+        Ok(LensLayer::from_fragments(fragments, *light, alpha)?)
     }
 }

@@ -85,7 +85,7 @@ impl<'t, T: Scalar> LensView<'t, T> {
     ) -> Result<LensPicture<'t, T>, RenderError> {
         let mut layers = Vec::with_capacity(self.layers.len());
         for (fragments, &[premultiplied, alpha, distance]) in self.layers.iter().zip(&self.parts) {
-            layers.push(LensLayer { fragments, premultiplied, alpha, distance });
+            layers.push(LensLayer { fragments, premultiplied, alpha, distance, slope: None });
         }
         let lens = ThinLens { aperture: self.aperture, focus: self.focus };
         lens_picture(layers[0], &layers, background, f64::INFINITY, lens, options)
@@ -210,14 +210,15 @@ fn focus_on_an_edge<T: Scalar>() -> Outcome {
     let distances = tape.leaf(&tensor(&[count], |k| 2.0 + 0.05 * (rows[k] as f64 - 7.0)));
     let colors = tape.leaf(&tensor(&[count, 2], motley));
     let alpha = tape.leaf(&tensor(&[count], |_| 1.0));
-    let layer =
-        LensLayer { fragments: &fragments, premultiplied: colors, alpha, distance: distances };
+    let slope = Some(tape.leaf(&tensor(&[count, 2], |k| if k % 2 == 1 { 0.05 } else { 0.0 })));
+    let (fragments, premultiplied, distance) = (&fragments, colors, distances);
+    let layer = LensLayer { fragments, premultiplied, alpha, distance, slope };
     let [aperture, focus] = [4.0, 2.0].map(|x| tape.leaf_scalar(T::from_f64(x)));
     let lens = ThinLens { aperture, focus };
     let options = ThinLensOptions::default();
     let found = lens_picture(layer, &[], Background::Zero, f64::INFINITY, lens, &options)?;
     let image = numbers(&found.image.value());
-    let sharp = numbers(&composite(colors, &fragments, Background::Zero)?.image()?.value());
+    let sharp = numbers(&composite(colors, fragments, Background::Zero)?.image()?.value());
     let edge = 2 * size.width * 7..2 * size.width * 8;
     let error = difference(&image[edge.clone()], &sharp[edge]);
     let finite = has_finite_gradients(found.image, &[colors, alpha, distances, aperture, focus])?;

@@ -62,6 +62,7 @@ pub(crate) fn entry() -> Entry {
                     premultiplied,
                     alpha,
                     distance: alpha + T::ONE,
+                    slope: None,
                 });
             }
             let lens = ThinLens { aperture: x[3], focus: x[4] };
@@ -75,8 +76,8 @@ pub(crate) fn entry() -> Entry {
 /// How many layers are looked at.
 const LAYERS: usize = 3;
 
-/// Colours of all pixels of all layers, alphas and distances of all faces, a lens, and a background: 0: zeros,
-/// 1: a colour, 2: an image. A face of one colour would hardly show how far it is out of focus.
+/// Colours of all pixels of all layers, alphas and distances of all faces, a lens, slopes of all faces, and a
+/// background: 0: zeros, 1: a colour, 2: an image. A face of one colour would hardly show how far it is out of focus.
 fn inputs_of(
     scene: &Scene,
     channels: usize,
@@ -92,6 +93,7 @@ fn inputs_of(
         Tensor::from_flat_fn([faces], |k| 2.2 + 2.4 * motley(11 * k + 3 * seed)),
         Tensor::scalar(lens[0]),
         Tensor::scalar(lens[1]),
+        Tensor::from_flat_fn([faces, 2], |k| 2.0 * motley(13 * k + seed) - 1.0),
     ];
     let Size { width, height } = scene.size;
     match background {
@@ -124,12 +126,13 @@ impl Subject for Hidden {
                 premultiplied: inputs[0].gather_rows(&places.collect())?,
                 alpha: inputs[1].gather_rows(&rows)?,
                 distance: inputs[2].gather_rows(&rows)?,
+                slope: Some(inputs[5].gather_rows(&rows)?),
             });
         }
         let background = match self.background {
             0 => Background::Zero,
-            1 => Background::Color(inputs[5]),
-            _ => Background::Image(inputs[5]),
+            1 => Background::Color(inputs[6]),
+            _ => Background::Image(inputs[6]),
         };
         let lens = ThinLens { aperture: inputs[3], focus: inputs[4] };
         // Circles of which some are capped.
@@ -151,14 +154,15 @@ fn exact_counts() -> [usize; 2] {
     [coverage.count(), coverage.count() - coverage.centers()]
 }
 
-/// Colours, alphas and distances of fragments with exact coverage, and weights of their pieces.
-fn exact_inputs(seed: usize) -> [Tensor<f64>; 4] {
+/// Colours, alphas and distances of fragments with exact coverage, weights of their pieces, and slopes.
+fn exact_inputs(seed: usize) -> [Tensor<f64>; 5] {
     let [count, pieces] = exact_counts();
     [
         Tensor::from_flat_fn([count, 2], |k| motley(k + seed)),
         Tensor::from_flat_fn([count], |k| 0.5 + 0.8 * motley(7 * k + seed)),
         Tensor::from_flat_fn([count], |k| 2.2 + 2.4 * motley(11 * k + 3 * seed)),
         Tensor::from_flat_fn([pieces], |k| 0.25 + 0.2 * motley(13 * k + seed)),
+        Tensor::from_flat_fn([count, 2], |k| 2.0 * motley(17 * k + seed) - 1.0),
     ]
 }
 
@@ -171,9 +175,10 @@ impl Subject for Exact {
         let fragments = exact_fragments(tape)?;
         let fragments = Fragments { weight: Some(inputs[3]), ..fragments };
         let [premultiplied, alpha, distance] = [inputs[0], inputs[1], inputs[2]];
-        let layer = LensLayer { fragments: &fragments, premultiplied, alpha, distance };
+        let slope = Some(inputs[4]);
+        let layer = LensLayer { fragments: &fragments, premultiplied, alpha, distance, slope };
         let focal_length = tape.constant_scalar(T::from_f64(2.0));
-        let lens = ThinLens::from_radius(inputs[4], focal_length, inputs[5])?;
+        let lens = ThinLens::from_radius(inputs[5], focal_length, inputs[6])?;
         let iris = Iris::Polygon { blades: 5, rotation: 0.4 };
         let options = ThinLensOptions { margin: 1, iris, ..telling() };
         let found = lens_picture(layer, &[], Background::Zero, 6.0, lens, &options)?;
@@ -206,8 +211,9 @@ fn refusing(check: Check) -> Check {
             "distances from 0 up, in row 5 too, got NaN".to_owned(),
             with(2, with_one([count], 5, f64::NAN)),
         ),
-        ("a single number for the aperture, got shape [3]".to_owned(), with(4, leaf([3], 1.0))),
-        ("a finite aperture of at least 0, got -1".to_owned(), with(4, leaf([], -1.0))),
+        ("a single number for the aperture, got shape [3]".to_owned(), with(5, leaf([3], 1.0))),
+        ("a finite aperture of at least 0, got -1".to_owned(), with(5, leaf([], -1.0))),
+        (format!("slopes of shape [{count}, 2], got shape [{count}]"), with(4, leaf([count], 1.0))),
     ];
     rows.into_iter().fold(check, |check, (rule, case)| {
         check.refuses_midway(format!("lens_picture needs {rule}"), case)
