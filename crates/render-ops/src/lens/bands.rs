@@ -10,6 +10,8 @@
 //! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`. Where a surface is moved (`tilt`),
 //! E is the mean of those at the pixels that share it.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
@@ -20,7 +22,8 @@ use super::front_to_back::{LensState, common};
 use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
 use super::strips::{Bands, ROWS, Strip, Strips, halved};
-use super::surfaces::{Part, Parts, Row, View};
+use super::spans::{Lines, Span};
+use super::surfaces::{Part, Parts, Row, Shown, View};
 use super::tilt;
 use crate::scratch::Workbench;
 use crate::size::Size;
@@ -46,6 +49,7 @@ pub(super) struct Band<S> {
 pub(super) struct Bench<S> {
     row: Row,
     parts: Parts<S>,
+    lines: Lines<S>,
     link_bars: Vec<LinkBar<S>>,
     blur: blur::Memory<S>,
     /// The band of the picture, or its gradient.
@@ -120,32 +124,77 @@ impl<T: Scalar> Passes<'_, T> {
             outcome[0] = FillOutcome::default();
             let FillOutcome { piece, fault } = &mut outcome[0];
             benches.with(|bench| {
-                let Bench { row, parts, .. } = bench;
+                let Bench { row, parts, lines, .. } = bench;
                 let rows = frame.rows(band);
-                *fault = view.for_each_pixel(rows.clone(), row, parts, |place, parts| {
-                    add_piece(piece, parts.piece);
-                    for part in &parts.parts {
-                        for (rung, weight) in part.rungs().into_iter().flatten() {
-                            let index = strips.index(rung).unwrap_or_else(|| {
-                                let halvings = halvings[rung];
-                                let size = halved(frame.size, halvings);
-                                let ends =
-                                    [rows.start >> halvings, rows.end.div_ceil(1 << halvings)];
-                                let first = ends[0].saturating_sub(view.reach());
-                                let end = (ends[1] + view.reach()).min(size.height);
-                                let place = [first..end, 0..size.width];
-                                let strip = strips.push(rung, view.channels + 1, place);
-                                strip.values.fill(T::Wide::ZERO);
-                                strip.held = 0..0;
-                                strips.as_slice().len() - 1
-                            });
-                            let strip = &mut strips.as_mut_slice()[index];
-                            add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
+                *fault = view.for_each_shown(rows.clone(), row, parts, |shown| match shown {
+                    Shown::Span(span) => {
+                        crate::dispatch::dispatch_256::<T, _>(
+                            #[inline(always)]
+                            || add_piece(piece, self.fill_span(view, &rows, &span, lines, strips)),
+                        );
+                    }
+                    Shown::Pixel(place, parts) => {
+                        add_piece(piece, parts.piece);
+                        for part in &parts.parts {
+                            for (rung, weight) in part.rungs().into_iter().flatten() {
+                                let strip = self.strip(view, &rows, rung, strips);
+                                add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
+                            }
                         }
                     }
                 });
             });
         });
+    }
+
+    /// Shares a span; returns a number that tells on which smooth piece it lies.
+    #[inline(always)]
+    fn fill_span(
+        &self,
+        view: &View<'_, T>,
+        rows: &Range<usize>,
+        span: &Span,
+        lines: &mut Lines<T::Wide>,
+        strips: &mut Strips<T::Wide>,
+    ) -> u64 {
+        let mut piece = 0;
+        span.for_each_part(view, |span, rung, is_in_focus| {
+            lines.read(view, span, rung);
+            for is_next in [false, true] {
+                // In focus there is no slope, either.
+                if is_next && is_in_focus {
+                    continue;
+                }
+                let rung = rung + usize::from(is_next);
+                let strip = self.strip(view, rows, rung, strips);
+                lines.add_to(self.frame, self.blurs.halvings[rung], span, is_next, strip);
+            }
+            add_piece(&mut piece, rung as u64);
+            add_piece(&mut piece, span.columns.end as u64);
+        });
+        piece
+    }
+
+    /// The strip of a rung in a band of some rows, made as it is used.
+    fn strip<'s>(
+        &self,
+        view: &View<'_, T>,
+        rows: &Range<usize>,
+        rung: usize,
+        strips: &'s mut Strips<T::Wide>,
+    ) -> &'s mut Strip<T::Wide> {
+        let index = strips.index(rung).unwrap_or_else(|| {
+            let halvings = self.blurs.halvings[rung];
+            let size = halved(self.frame.size, halvings);
+            let ends = [rows.start >> halvings, rows.end.div_ceil(1 << halvings)];
+            let first = ends[0].saturating_sub(view.reach());
+            let end = (ends[1] + view.reach()).min(size.height);
+            let strip = strips.push(rung, view.channels + 1, [first..end, 0..size.width]);
+            strip.values.fill(T::Wide::ZERO);
+            strip.held = 0..0;
+            strips.as_slice().len() - 1
+        });
+        &mut strips.as_mut_slice()[index]
     }
 
     /// Blurs the rungs, as far as something is seen of them, and puts them together in `out`, the picture
@@ -255,7 +304,7 @@ impl<T: Scalar> Passes<'_, T> {
         let rows = frame.rows(band);
         found.clear(view, rows.len() * frame.size.width);
         benches.with(|bench| {
-            let Bench { row, parts, link_bars, blur: memory, bars: at_rungs, .. } = bench;
+            let Bench { row, parts, lines, link_bars, blur: memory, bars: at_rungs, .. } = bench;
             at_rungs.clear();
             // Only where a surface asks.
             for strip in source.as_slice().iter().filter(|strip| !strip.held.is_empty()) {
@@ -272,8 +321,14 @@ impl<T: Scalar> Passes<'_, T> {
                 }
             }
             let rungs = RungBars { blurs, frame, at_rungs };
-            view.for_each_pixel(rows, row, parts, |place, parts| {
-                found.add_pixel(rungs, view, place, parts, link_bars);
+            view.for_each_shown(rows, row, parts, |shown| match shown {
+                Shown::Span(span) => crate::dispatch::dispatch_256::<T, _>(
+                    #[inline(always)]
+                    || found.add_span(rungs, view, &span, lines),
+                ),
+                Shown::Pixel(place, parts) => {
+                    found.add_pixel(rungs, view, place, parts, link_bars);
+                }
             });
         });
     }

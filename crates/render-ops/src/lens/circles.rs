@@ -35,6 +35,12 @@ pub(super) struct Optics<S> {
 }
 
 impl<S: Scalar> Optics<S> {
+    /// Whether a radius is that of a capped circle.
+    #[inline(always)]
+    pub(super) fn is_capped(&self, radius: S) -> bool {
+        radius.abs().to_f64() >= self.largest
+    }
+
     /// The derivatives of `ds/dz` by distance, aperture and focus, where the circle is not capped.
     #[inline]
     pub(super) fn bends(&self, z: S) -> [S; 3] {

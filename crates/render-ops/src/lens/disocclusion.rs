@@ -105,6 +105,12 @@ impl Disocclusion {
         self.least.iter_mut().for_each(|least| *least -= step + SLACK);
     }
 
+    /// Whether a tile starts with a column.
+    #[inline(always)]
+    pub(super) fn starts_tile(column: usize) -> bool {
+        column.is_multiple_of(COLUMNS)
+    }
+
     /// The least radius of a hidden surface that can be seen at a pixel.
     #[inline(always)]
     pub(super) fn least_radius(&self, [row, column]: [usize; 2]) -> f64 {

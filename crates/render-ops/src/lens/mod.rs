@@ -53,6 +53,7 @@ mod hiding;
 mod iris;
 mod pixel_bars;
 mod rungs;
+mod spans;
 mod strips;
 mod surfaces;
 mod tilt;

@@ -6,7 +6,8 @@ use super::blurs::Blurs;
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
 use super::strips::{ROWS, Strips, halved};
-use super::surfaces::{Part, Parts, Share, View};
+use super::spans::{Lines, Span};
+use super::surfaces::{Layer, Part, Parts, Share, View};
 use super::tilt::{self, TiltBar};
 use crate::background::Kind;
 use crate::runs::Run;
@@ -21,6 +22,20 @@ pub(super) struct LayerBars<S> {
 }
 
 impl<S: Scalar> LayerBars<S> {
+    /// All lists, zeros before their first use.
+    #[inline(always)]
+    fn used<T>(&mut self, channels: usize, layer: &Layer<'_, T>, pixels: usize) -> &mut [Vec<S>; 4] {
+        if !self.is_used {
+            self.is_used = true;
+            let slopes = if layer.slopes.is_empty() { 0 } else { 2 };
+            for (list, width) in self.lists.iter_mut().zip([channels, 1, 1, slopes]) {
+                list.clear();
+                list.resize(pixels * width, S::ZERO);
+            }
+        }
+        &mut self.lists
+    }
+
     /// The gradients of a run: of colours, alphas, distances or slopes, `width` numbers each.
     pub(super) fn run_bars(
         &self,
@@ -76,6 +91,70 @@ impl<S: Scalar> BandBars<S> {
         let count = if view.kind == Kind::Image { pixels } else { 1 };
         self.background.resize(count * view.channels, S::ZERO);
         self.pixels = pixels;
+    }
+
+    /// Adds the gradients of what the pixels of a span show.
+    #[inline(always)]
+    pub(super) fn add_span<T: Scalar<Wide = S>>(
+        &mut self,
+        rungs: RungBars<'_, S>,
+        view: &View<'_, T>,
+        span: &Span,
+        lines: &mut Lines<S>,
+    ) {
+        let RungBars { blurs, frame, at_rungs } = rungs;
+        span.for_each_part(view, |span, rung, is_in_focus| {
+            let strips = [rung, rung + 1].map(|rung| at_rungs.get(rung));
+            if strips.iter().all(Option::is_none) {
+                return;
+            }
+            lines.read(view, span, rung);
+            for (k, strip) in strips.into_iter().enumerate() {
+                lines.read_bars(frame, blurs.halvings[rung + k], span, k == 1, strip);
+            }
+            lines.mix(view.reference, is_in_focus);
+            self.add_lines(view, span, lines);
+        });
+    }
+
+    /// Adds the gradients in `lines`.
+    #[inline(always)]
+    fn add_lines<T: Scalar<Wide = S>>(&mut self, view: &View<'_, T>, span: &Span, lines: &Lines<S>) {
+        let (count, channels) = (span.columns.len(), view.channels);
+        let bars = &lines.bars[0];
+        let first = span.row % ROWS * view.visible.size().width + span.columns.start;
+        if span.surface == Surface::BACKGROUND {
+            for (channel, line) in bars.chunks_exact(count).take(channels).enumerate() {
+                for (k, &bar) in line.iter().enumerate() {
+                    self.background[view.kind.entry(channels, first + k) + channel] += bar;
+                }
+            }
+            let radius_bar: S =
+                lines.next_bars.iter().zip(&lines.slopes).map(|(&bar, &slope)| bar * slope).sum();
+            self.optics[0] += radius_bar * view.sky.by_aperture;
+            self.optics[1] += radius_bar * view.sky.by_focus;
+            return;
+        }
+        let lists = self.layers[0].used(channels, &view.layers[0], self.pixels);
+        let [colors, alphas, distances, _] = lists;
+        let colors = &mut colors[first * channels..][..count * channels];
+        for (channel, line) in bars.chunks_exact(count).take(channels).enumerate() {
+            for k in 0..count {
+                colors[k * channels + channel] += line[k];
+            }
+        }
+        let (alphas, last) = (&mut alphas[first..][..count], &bars[channels * count..]);
+        for k in 0..count {
+            alphas[k] += last[k] - lines.reference_bars[k];
+        }
+        let distances = &mut distances[first..][..count];
+        for (k, to) in distances.iter_mut().enumerate() {
+            let radius_bar = lines.next_bars[k] * lines.slopes[k];
+            let circle = view.circle(span.surface_at(span.columns.start + k));
+            self.optics[0] += radius_bar * circle.by_aperture;
+            self.optics[1] += radius_bar * circle.by_focus;
+            *to += radius_bar * circle.by_distance;
+        }
     }
 
     /// Adds the gradients of what a pixel shows.
@@ -320,16 +399,9 @@ impl<S: Scalar> BandBars<S> {
             self.piece_bars.extend(bar.slope);
             return;
         }
-        let LayerBars { is_used, lists } = &mut self.layers[surface.layer as usize];
-        if !*is_used {
-            *is_used = true;
-            let slopes = if view.slope(surface).is_some() { 2 } else { 0 };
-            for (list, width) in lists.iter_mut().zip([channels, 1, 1, slopes]) {
-                list.clear();
-                list.resize(self.pixels * width, S::ZERO);
-            }
-        }
-        let [colors, alphas, distances, slopes] = lists;
+        let layer = surface.layer as usize;
+        let [colors, alphas, distances, slopes] =
+            self.layers[layer].used(channels, &view.layers[layer], self.pixels);
         let to = &mut colors[pixel * channels..][..channels];
         to.iter_mut().zip(bars).for_each(|(to, &bar)| *to += share * bar);
         alphas[pixel] += share * bars[channels];

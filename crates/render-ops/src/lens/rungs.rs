@@ -105,6 +105,12 @@ impl Rungs {
         }
         // The bin is off by one where it is rounded.
         rung -= usize::from(rung > 0 && radius < self.radii[rung]);
+        self.position(rung, s)
+    }
+
+    /// Where a circle of signed radius `s` lies behind a rung.
+    #[inline(always)]
+    pub(super) fn position<S: Scalar>(&self, rung: usize, s: S) -> Position<S> {
         let [own, scale] = self.squares[rung].map(S::from_f64);
         let next = (s * s - own) * scale;
         Position { rung, next, slope: S::from_f64(2.0) * s * scale }

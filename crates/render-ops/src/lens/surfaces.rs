@@ -18,6 +18,7 @@ use super::circles::{Circle, Optics};
 use super::disocclusion::Disocclusion;
 use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
 use super::rungs::{Position, Rungs};
+use super::spans::Span;
 use super::tilt;
 use crate::background::Kind;
 use crate::coverage::Coverage;
@@ -101,6 +102,15 @@ impl<S> Default for Parts<S> {
     }
 }
 
+/// What some pixels show.
+#[derive(Debug)]
+pub(super) enum Shown<'a, S> {
+    /// Of several, one surface each.
+    Span(Span),
+    /// Of one, at this row and column, all of it.
+    Pixel([usize; 2], &'a Parts<S>),
+}
+
 /// The fragments of a row of pixels.
 #[derive(Debug, Default)]
 pub(super) struct Row {
@@ -153,9 +163,32 @@ impl<'a, T: Scalar> View<'a, T> {
         if is_tilted { tilt::REACH } else { 0 }
     }
 
+    /// The colours of surfaces side by side from a pixel on: those of all, or one.
+    #[inline(always)]
+    pub(super) fn colors(&self, first: Surface, pixel: usize, count: usize) -> &'a [T] {
+        let channels = self.channels;
+        if first == Surface::BACKGROUND {
+            let entry = self.kind.entry(channels, pixel);
+            let count = if self.kind == Kind::Image { count } else { 1 };
+            return &self.background[entry..][..count * channels];
+        }
+        let row = first.fragment as usize;
+        &self.layers[first.layer as usize].colors[row * channels..][..count * channels]
+    }
+
+    /// The alphas and the radii of surfaces side by side; nothing of the background.
+    #[inline(always)]
+    pub(super) fn alphas_and_radii(&self, first: Surface, count: usize) -> (&'a [T], &'a [T]) {
+        if first == Surface::BACKGROUND {
+            return (&[], &[]);
+        }
+        let (layer, row) = (&self.layers[first.layer as usize], first.fragment as usize);
+        (&layer.alphas[row..][..count], &layer.radii[row..][..count])
+    }
+
     /// The radius of a surface's circle.
     #[inline]
-    fn radius(&self, surface: Surface) -> T::Wide {
+    pub(super) fn radius(&self, surface: Surface) -> T::Wide {
         if surface == Surface::BACKGROUND {
             return self.sky.radius;
         }
@@ -193,14 +226,14 @@ impl<'a, T: Scalar> View<'a, T> {
         self.visible.centers()
     }
 
-    /// Calls `visit([row, column], parts)` for each pixel of some rows with what it shows. Returns the first
-    /// pixel, with its layer, that a layer behind covers and the layer in front of it does not.
-    pub(super) fn for_each_pixel(
+    /// Calls `visit` with what the pixels of some rows show. Returns the first pixel, with its layer, that a layer
+    /// behind covers and the layer in front of it does not.
+    pub(super) fn for_each_shown(
         &self,
         rows: Range<usize>,
         memory: &mut Row,
         parts: &mut Parts<T::Wide>,
-        mut visit: impl FnMut([usize; 2], &Parts<T::Wide>),
+        mut visit: impl FnMut(Shown<'_, T::Wide>),
     ) -> Option<[usize; 2]> {
         let boundary = &self.visible.boundary;
         let width = self.visible.size().width;
@@ -209,15 +242,23 @@ impl<'a, T: Scalar> View<'a, T> {
         let mut fault = None;
         for row in rows {
             fault = fault.or(self.list_row(row, next, memory));
-            for column in 0..width {
-                let pixel = row * width + column;
+            let mut column = 0;
+            while column < width {
+                let pixel = boundary.pixels.get(next).map(|&pixel| pixel as usize - row * width);
+                let end = pixel.unwrap_or(width).min(width);
+                if let Some(span) = self.find_span(row, column..end, memory) {
+                    column = span.columns.end;
+                    visit(Shown::Span(span));
+                    continue;
+                }
                 let mut pieces = None;
-                if boundary.pixels.get(next).is_some_and(|&other| other as usize == pixel) {
+                if column == end {
                     pieces = Some(boundary.fragments_of(next));
                     next += 1;
                 }
                 self.find_parts([row, column], pieces, memory, parts);
-                visit([row, column], parts);
+                visit(Shown::Pixel([row, column], parts));
+                column += 1;
             }
         }
         fault
@@ -260,6 +301,42 @@ impl<'a, T: Scalar> View<'a, T> {
         fault
     }
 
+    /// The longest span at the start of some columns without boundary pixels, if there is one.
+    fn find_span(&self, row: usize, columns: Range<usize>, list: &Row) -> Option<Span> {
+        if columns.is_empty() || self.keeps_hidden {
+            return None;
+        }
+        // What is moved is added to several pixels.
+        let is_still = |fragment: u32| {
+            let slopes = self.layers[0].slopes.get(2 * fragment as usize..).unwrap_or_default();
+            fragment == NONE || slopes.iter().take(2).all(|&slope| slope == T::ZERO)
+        };
+        let first = list.visible[columns.start];
+        let mut end = columns.start;
+        while end < columns.end {
+            if (end == columns.start || Disocclusion::starts_tile(end)) && !self.is_closed([row, end]) {
+                break;
+            }
+            let ahead = (end - columns.start) as u32;
+            let fragment = if first == NONE { NONE } else { first + ahead };
+            if list.visible[end] != fragment || !is_still(fragment) {
+                break;
+            }
+            end += 1;
+        }
+        let surface = match first {
+            NONE => Surface::BACKGROUND,
+            fragment => Surface { layer: 0, fragment },
+        };
+        (end > columns.start).then_some(Span { row, columns: columns.start..end, surface })
+    }
+
+    /// Whether nothing hidden can be seen at a pixel: no radius is larger than that of what is infinitely far.
+    #[inline(always)]
+    fn is_closed(&self, place: [usize; 2]) -> bool {
+        self.disocclusion.least_radius(place) > self.optics.aperture.to_f64()
+    }
+
     /// What a pixel shows. `pieces` are its fragments, where it is a boundary pixel.
     fn find_parts(
         &self,
@@ -293,9 +370,7 @@ impl<'a, T: Scalar> View<'a, T> {
                 self.add_part(surface, Share::Whole, one, found);
             }
         }
-        // No radius is larger than that of what is infinitely far.
-        let is_closed = found.least_radius > self.optics.aperture.to_f64();
-        if is_closed && pieces.is_none() && !self.keeps_hidden {
+        if pieces.is_none() && !self.keeps_hidden && self.is_closed(place) {
             return;
         }
         self.find_chain(place[1], list, found);
@@ -371,8 +446,7 @@ impl<'a, T: Scalar> View<'a, T> {
         }
         // Whether a share of 0 is listed depends on who asks.
         if share != T::Wide::ZERO {
-            let is_capped = radius.abs().to_f64() >= self.optics.largest;
-            let place = 2 * position.rung as u64 + u64::from(is_capped);
+            let place = 2 * position.rung as u64 + u64::from(self.optics.is_capped(radius));
             found.piece = found.piece.wrapping_mul(1009).wrapping_add(place ^ tilt);
         }
         found.parts.push(Part { surface, kind, share, radius, position, shift });
