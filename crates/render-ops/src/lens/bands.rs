@@ -21,8 +21,8 @@ use super::frame::Frame;
 use super::front_to_back::{LensState, common};
 use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
-use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::spans::{Lines, Span};
+use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, Shown, View};
 use super::tilt;
 use crate::scratch::Workbench;
@@ -138,7 +138,15 @@ impl<T: Scalar> Passes<'_, T> {
                         for part in &parts.parts {
                             for (rung, weight) in part.rungs().into_iter().flatten() {
                                 let strip = self.strip(view, &rows, rung, strips);
-                                add_to_rung(view, frame, halvings[rung], place, part, weight, strip);
+                                add_to_rung(
+                                    view,
+                                    frame,
+                                    halvings[rung],
+                                    place,
+                                    part,
+                                    weight,
+                                    strip,
+                                );
                             }
                         }
                     }
@@ -190,7 +198,6 @@ impl<T: Scalar> Passes<'_, T> {
             let first = ends[0].saturating_sub(view.reach());
             let end = (ends[1] + view.reach()).min(size.height);
             let strip = strips.push(rung, view.channels + 1, [first..end, 0..size.width]);
-            strip.values.fill(T::Wide::ZERO);
             strip.held = 0..0;
             strips.as_slice().len() - 1
         });

@@ -5,8 +5,8 @@ use bokashi_core::Scalar;
 use super::blurs::Blurs;
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
-use super::strips::{ROWS, Strips, halved};
 use super::spans::{Lines, Span};
+use super::strips::{ROWS, Strips, halved};
 use super::surfaces::{Layer, Part, Parts, Share, View};
 use super::tilt::{self, TiltBar};
 use crate::background::Kind;
@@ -24,7 +24,12 @@ pub(super) struct LayerBars<S> {
 impl<S: Scalar> LayerBars<S> {
     /// All lists, zeros before their first use.
     #[inline(always)]
-    fn used<T>(&mut self, channels: usize, layer: &Layer<'_, T>, pixels: usize) -> &mut [Vec<S>; 4] {
+    fn used<T>(
+        &mut self,
+        channels: usize,
+        layer: &Layer<'_, T>,
+        pixels: usize,
+    ) -> &mut [Vec<S>; 4] {
         if !self.is_used {
             self.is_used = true;
             let slopes = if layer.slopes.is_empty() { 0 } else { 2 };
@@ -119,7 +124,12 @@ impl<S: Scalar> BandBars<S> {
 
     /// Adds the gradients in `lines`.
     #[inline(always)]
-    fn add_lines<T: Scalar<Wide = S>>(&mut self, view: &View<'_, T>, span: &Span, lines: &Lines<S>) {
+    fn add_lines<T: Scalar<Wide = S>>(
+        &mut self,
+        view: &View<'_, T>,
+        span: &Span,
+        lines: &Lines<S>,
+    ) {
         let (count, channels) = (span.columns.len(), view.channels);
         let bars = &lines.bars[0];
         let first = span.row % ROWS * view.visible.size().width + span.columns.start;

@@ -38,30 +38,29 @@ impl Span {
 
     /// Calls `visit` with those parts of it whose circles lie between the same rungs, and are all capped or none,
     /// and the first of these rungs.
+    #[inline(always)]
     pub(super) fn for_each_part<T: Scalar>(
         &self,
         view: &View<'_, T>,
         mut visit: impl FnMut(&Self, usize, bool),
     ) {
-        let Range { start, end } = self.columns;
-        let key = |column: usize| {
-            let radius = view.radius(self.surface_at(column));
-            let is_in_focus = radius == T::Wide::ZERO;
-            (view.rungs.locate(radius).rung, is_in_focus, view.optics.is_capped(radius))
-        };
-        if self.surface == Surface::BACKGROUND {
-            let (rung, is_in_focus, _) = key(start);
-            return visit(self, rung, is_in_focus);
-        }
-        let mut first = start;
-        let mut own = key(start);
-        for column in start + 1..=end {
-            let next = (column < end).then(|| key(column));
-            if next != Some(own) {
-                visit(&self.part(first..column), own.0, own.1);
-                first = column;
-            }
-            own = next.unwrap_or(own);
+        let count = self.columns.len();
+        let (_, radii) = view.alphas_and_radii(self.surface, count);
+        let radius = |k: usize| radii.get(k).map_or(view.sky.radius, |radius| radius.widen());
+        let kinds = |radius: T::Wide| (radius == T::Wide::ZERO, view.optics.is_capped(radius));
+        let mut first = 0;
+        while first < count {
+            let own = radius(first);
+            let rung = view.rungs.locate(own).rung;
+            let ends = [rung, rung + 1].map(|rung| T::Wide::from_f64(view.rungs.radius(rung)));
+            let is_between = |radius: T::Wide| ends[0] <= radius && radius < ends[1];
+            let is_same = |radius| is_between(radius) && kinds(radius) == kinds(own);
+            let others = radii.get(first + 1..).unwrap_or_default().iter();
+            let more = others.take_while(|radius| is_same(radius.widen())).count();
+            let end = if radii.is_empty() { count } else { first + 1 + more };
+            let columns = self.columns.start + first..self.columns.start + end;
+            visit(&self.part(columns), rung, kinds(own).0);
+            first = end;
         }
     }
 }
@@ -98,14 +97,15 @@ impl<S: Scalar> Lines<S> {
         }
         values.resize(count * (channels + 1), S::ZERO);
         let first = span.row * view.visible.size().width + span.columns.start;
-        let (colors, lines) = (view.colors(span.surface, first, count), values);
+        let colors = view.colors(span.surface, first, count);
+        let step = if colors.len() == channels { 0 } else { channels };
         let (alphas, radii) = view.alphas_and_radii(span.surface, count);
         let alpha = |k: usize| if alphas.is_empty() { S::ONE } else { alphas[k].widen() };
-        for (channel, line) in lines.chunks_exact_mut(count).enumerate() {
+        for (channel, line) in values.chunks_exact_mut(count).enumerate() {
             for k in 0..count {
                 line[k] = match view.reference.get(channel) {
                     Some(reference) => {
-                        let color = colors[(k * channels + channel) % colors.len()];
+                        let color = colors[k * step + channel];
                         color.widen() - alpha(k) * reference.widen()
                     }
                     None => alpha(k),

@@ -2,7 +2,8 @@
 //!
 //! A band holds a strip for each rung that something in it lies on: colours times alpha beside the reference, and
 //! alpha, of all columns, at the size that the rung is blurred at. So memory follows the pairs of a band and a rung
-//! that are used. Blurred rungs, and gradients, are strips of some columns. What a strip holds lies between a first and a last column, and costs outside of it nothing but memory.
+//! that are used. Blurred rungs, and gradients, are strips of some columns. What a strip holds lies between a first
+//! and a last column, and costs outside of it nothing but memory.
 
 use std::ops::Range;
 
@@ -14,6 +15,9 @@ use crate::size::Size;
 /// Rows in a band: few, so that a slope's rungs each take the rows that they need; and as many as can be halved.
 pub(super) const ROWS: usize = 1 << MOST_HALVINGS;
 
+/// Columns that are held together.
+const HELD_COLUMNS: usize = 32;
+
 /// A part of a rung.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Strip<S> {
@@ -21,7 +25,7 @@ pub(super) struct Strip<S> {
     /// Rows and columns at the rung's size.
     pub(super) rows: Range<usize>,
     pub(super) columns: Range<usize>,
-    /// The columns between which it is not 0 everywhere.
+    /// The columns between which it has numbers: it is 0 elsewhere.
     pub(super) held: Range<usize>,
     /// For each channel its numbers, row by row; the last channel are the alphas.
     pub(super) values: Vec<S>,
@@ -46,15 +50,31 @@ impl<S: Scalar> Strip<S> {
         self.held.contains(&column).then(|| self.offset(row, column))
     }
 
-    /// Holds a column from now on.
+    /// Holds a column from now on: some columns at a time, which are 0.
     #[inline(always)]
     pub(super) fn hold(&mut self, column: usize) {
-        if self.held.is_empty() {
-            self.held = column..column + 1;
-        } else {
-            self.held.start = self.held.start.min(column);
-            self.held.end = self.held.end.max(column + 1);
+        if !self.held.contains(&column) {
+            self.hold_more(column);
         }
+    }
+
+    #[inline(never)]
+    fn hold_more(&mut self, column: usize) {
+        let Range { start, end } = self.columns;
+        let first = column / HELD_COLUMNS * HELD_COLUMNS;
+        let mut held = first.max(start)..(first + HELD_COLUMNS).min(end);
+        if self.held.is_empty() {
+            self.held = held.start..held.start;
+        }
+        held = held.start.min(self.held.start)..held.end.max(self.held.end);
+        let (width, offset) = (end - start, |column: usize| column - start);
+        let new = [held.start..self.held.start, self.held.end..held.end];
+        for row in self.values.chunks_exact_mut(width) {
+            for new in &new {
+                row[offset(new.start)..offset(new.end)].fill(S::ZERO);
+            }
+        }
+        self.held = held;
     }
 
     /// Some columns of a row of a channel.

@@ -314,7 +314,9 @@ impl<'a, T: Scalar> View<'a, T> {
         let first = list.visible[columns.start];
         let mut end = columns.start;
         while end < columns.end {
-            if (end == columns.start || Disocclusion::starts_tile(end)) && !self.is_closed([row, end]) {
+            if (end == columns.start || Disocclusion::starts_tile(end))
+                && !self.is_closed([row, end])
+            {
                 break;
             }
             let ahead = (end - columns.start) as u32;

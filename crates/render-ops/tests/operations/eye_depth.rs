@@ -2,7 +2,8 @@ use crate::fixtures::surface;
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::camera::perspective;
 use bokashi_render_ops::{
-    Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, eye_depth, project, rasterize,
+    Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, eye_depth, eye_depth_slope,
+    project, rasterize,
 };
 use glam::{DMat4, DVec3};
 
@@ -47,6 +48,20 @@ fn it_is_the_distance_at_which_the_pixels_ray_meets_the_face() {
     let coarse = eye_depth(&self::fragments(&single, Sampling::Center)).unwrap().values();
     for (coarse, found) in coarse.value().data().iter().zip(found.data()) {
         approx::assert_relative_eq!(f64::from(*coarse), *found, max_relative = 1e-6);
+    }
+}
+
+#[test]
+fn its_slope_is_that_of_the_inverse_which_is_linear_over_the_image() {
+    let tape = Tape::<f64>::new();
+    let fragments = fragments(&tape, Sampling::Center);
+    let slopes = eye_depth_slope(&fragments).unwrap().value();
+    for (pixel, slopes) in fragments.coverage.pixels().zip(slopes.data().chunks_exact(2)) {
+        let z = traced(pixel);
+        for (step, slope) in [1, SIZE.width].into_iter().zip(slopes) {
+            let inverse = traced(pixel + step).recip() - z.recip();
+            approx::assert_relative_eq!(*slope, -z * z * inverse, max_relative = 1e-11);
+        }
     }
 }
 

@@ -22,6 +22,7 @@ mod gaussian_blur;
 mod image;
 mod interpolate;
 mod interpolate_differentials;
+mod lens_picture;
 mod losses;
 mod mesh;
 mod over;
