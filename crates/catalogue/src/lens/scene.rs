@@ -123,16 +123,29 @@ impl LensScene {
 
     /// With a ball. Back faces of all surfaces are left out: its far side is seen by no point of the lens.
     #[must_use]
-    pub fn ball(mut self, [x, y, z]: [f64; 3], radius: f64, mean: [f64; 2]) -> Self {
-        const AROUND: u32 = 24;
-        const ALONG: u32 = 12;
+    pub fn ball(self, center: [f64; 3], radius: f64, mean: [f64; 2]) -> Self {
+        self.rippled_ball(center, [radius, 0.0], [24, 12], mean)
+    }
+
+    /// With a ball of a mean radius and ripples of a share of it, in so many parts around and along its axis: twice
+    /// as many faces as the product of both.
+    #[must_use]
+    pub fn rippled_ball(
+        mut self,
+        [x, y, z]: [f64; 3],
+        [mean_radius, ripple]: [f64; 2],
+        [around, along]: [u32; 2],
+        mean: [f64; 2],
+    ) -> Self {
         let first = self.positions.len() as u32;
-        for ring in 0..=ALONG {
-            for k in 0..=AROUND {
+        for ring in 0..=along {
+            for k in 0..=around {
                 let [theta, phi] = [
-                    PI * f64::from(ring) / f64::from(ALONG),
-                    2.0 * PI * f64::from(k) / f64::from(AROUND),
+                    PI * f64::from(ring) / f64::from(along),
+                    2.0 * PI * f64::from(k) / f64::from(around),
                 ];
+                let wave = (5.0 * theta).sin() * (4.0 * phi).sin();
+                let radius = mean_radius * (1.0 + ripple * wave);
                 let [across, up] = [theta.sin(), theta.cos()];
                 let normal = [across * phi.cos(), up, across * phi.sin()];
                 let at = [x + radius * normal[0], y + radius * normal[1], z + radius * normal[2]];
@@ -140,9 +153,9 @@ impl LensScene {
                 self.attributes.push([3.0 * theta, 4.0 * phi, mean[0], mean[1]]);
             }
         }
-        for ring in 0..ALONG {
-            for k in 0..AROUND {
-                let at = |ring: u32, k: u32| first + ring * (AROUND + 1) + k;
+        for ring in 0..along {
+            for k in 0..around {
+                let at = |ring: u32, k: u32| first + ring * (around + 1) + k;
                 self.faces.push([at(ring, k), at(ring + 1, k), at(ring + 1, k + 1)]);
                 self.faces.push([at(ring, k), at(ring + 1, k + 1), at(ring, k + 1)]);
             }

@@ -75,7 +75,53 @@ pub(super) fn others() -> Vec<Named> {
         row("thin bars", bars(), [5.0, 3.0]),
         row("stairs", stairs(), [8.0, 3.0]),
         row("grazing grid", grid(), [7.0, 2.5]),
+        row("20,000 faces, close", close_mesh(), [10.0, 2.2]),
+        row("room behind a fence", room(), [6.0, 4.0]),
+        row("foliage", foliage(), [8.0, 3.2]),
     ]
+}
+
+/// A rippled ball of 20,000 faces that fills half of the picture, before a wall.
+fn close_mesh() -> LensScene {
+    let wall = [[-4.0, 4.0], [-4.0, 4.0]];
+    let scene = LensScene::default().wall(6.0, wall, [14.0, 14.0], [0.3, 0.55]);
+    scene.rippled_ball([0.1, -0.05, 2.2], [0.75, 0.06], [125, 80], [0.6, 0.45])
+}
+
+/// A room with patterns on all of its sides, behind bars upright and across.
+fn room() -> LensScene {
+    let (half, depth) = (1.8, 5.0);
+    let away = [0.0, 0.0, depth];
+    let [across, up] = [[2.0 * half, 0.0, 0.0], [0.0, 2.0 * half, 0.0]];
+    let corner = [-half, -half, 3.0];
+    let mut scene = LensScene::default()
+        .board(corner, [across, away], [12.0, 10.0], [0.5, 0.35])
+        .board([-half, half, 3.0], [across, away], [6.0, 6.0], [0.7, 0.7])
+        .board(corner, [up, away], [8.0, 9.0], [0.35, 0.5])
+        .board([half, -half, 3.0], [up, away], [8.0, 9.0], [0.55, 0.4])
+        .wall(3.0 + depth, [[-half, half]; 2], [10.0, 8.0], [0.45, 0.6]);
+    for k in -3..=3 {
+        let at = 0.27 * f64::from(k);
+        let bar = [at - 0.035, at + 0.035];
+        scene = scene.wall(2.0, [bar, [-1.5, 1.5]], [1.0, 20.0], [0.8, 0.25]);
+        scene = scene.wall(2.02, [[-1.5, 1.5], bar], [20.0, 1.0], [0.75, 0.3]);
+    }
+    scene
+}
+
+/// 500 small leaves at all distances and in all directions, before a wall.
+fn foliage() -> LensScene {
+    let mut rng = ChaCha8Rng::seed_from_u64(500);
+    let wall = [[-5.0, 5.0], [-5.0, 5.0]];
+    let mut scene = LensScene::default().wall(7.0, wall, [20.0, 16.0], [0.5, 0.7]);
+    for _ in 0..500 {
+        let z: f64 = rng.random_range(2.0..6.0);
+        let [x, y] = [0; 2].map(|_| HALF * z * rng.random_range(-1.1..1.1));
+        let [across, up] = [0; 2].map(|_| [0; 3].map(|_| rng.random_range(-0.14..0.14)));
+        let corner = [x, y, z];
+        scene = scene.board(corner, [across, up], [1.0, 1.0], mean(&mut rng));
+    }
+    scene
 }
 
 /// Strokes about two pixels wide, as of letters, before a wall: a line of them in front of the focus, one in
