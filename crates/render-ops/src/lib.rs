@@ -32,7 +32,7 @@
 //! | cameras | [`project()`], [`project_instances()`], [`Pose`]; on the tape [`pinhole()`], [`orthographic()`], [`rigid()`], [`se3`], [`affine_inverse()`]; lenses [`distort()`], [`fisheye()`]; fixed ones in [`camera`] |
 //! | meshes | [`Mesh`], [`Assembly`] of several; [`face_normals()`], [`vertex_normals()`], [`tangents()`], [`transform_points()`], [`transform_normals()`], [`perturbed_normals()`] |
 //! | visibility | [`rasterize()`] with [`RasterOptions`], [`Sampling`] and [`Cull`] gives [`Fragments`]; [`rasterize_behind()`], [`depth_layers()`] |
-//! | at fragments | [`interpolate()`], [`interpolate_indexed()`], [`depth()`], [`eye_depth()`], [`differentials()`], [`interpolate_differentials()`] |
+//! | at fragments | [`interpolate()`], [`interpolate_indexed()`], [`depth()`], [`eye_depth()`], [`eye_depth_slope()`], [`differentials()`], [`interpolate_differentials()`] |
 //! | textures | [`sample_texture()`] of a [`Texture`], [`sample_cube_map()`] of a [`CubeMap`], with a [`Sampler`] |
 //! | light | [`shade()`] a [`Surface`] of a [`Material`] under [`Light`]s; [`Environment`], [`irradiance()`], [`reflect()`] |
 //! | a picture in one call | [`render()`] with [`RasterOptions`] and [`Silhouettes`]; after a shader [`Fragments::picture`] |

@@ -225,8 +225,8 @@ impl<S: Scalar> BandBars<S> {
             return false;
         }
         for (k, strip) in strips.into_iter().enumerate() {
-            let lists = std::iter::once(&mut self.beside[k]).chain(&mut self.moved[k]);
-            for list in lists {
+            let moved = if part.is_moved() { &mut self.moved[k][..] } else { &mut [] };
+            for list in std::iter::once(&mut self.beside[k]).chain(moved) {
                 list.clear();
                 list.resize(channels + 1, S::ZERO);
             }

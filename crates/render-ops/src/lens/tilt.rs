@@ -16,7 +16,7 @@
 //! differences of the gradients at neighbouring pixels.
 //!
 //! # Where it is not smooth
-//! Where g is cut, and where a shift passes a whole pixel.
+//! Where g is cut, and where a shift passes a whole pixel. A shift of 0 has no gradient.
 
 use bokashi_core::Scalar;
 
