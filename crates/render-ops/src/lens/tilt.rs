@@ -124,7 +124,8 @@ mod tests {
 
     #[test]
     fn a_shift_is_a_quarter_of_the_radius_times_its_gradient() {
-        assert_eq!(shift(&CIRCLE, [0.1, 0.0]), [-6.0 * 3.0 * 0.1 / 4.0, -0.0]);
+        let [x, y] = shift(&CIRCLE, [0.1, 0.0]);
+        assert!((x + 0.45).abs() < 1e-15 && y == 0.0);
         // Cut.
         assert_eq!(shift(&CIRCLE, [9.0, -9.0]), [-0.75, 0.75]);
     }
