@@ -28,8 +28,10 @@ pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) limits: Limits,
     /// Whether a gradient can be asked for.
     pub(super) needs: bool,
-    /// The layer in front of what is looked for, if it is not all.
+    /// The layer in front of those that are looked for, if these are not the nearest.
     pub(super) front: Option<&'a Coverage>,
+    /// How many layers are looked for.
+    pub(super) layers: usize,
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
