@@ -100,76 +100,89 @@ impl<S: Scalar<Wide = S>> pulp::WithSimd for SortIn<'_, S> {
         let Self { drawn, front, layers, rows } = self;
         for row in rows {
             let [first, end] = drawn.take_reached(row);
-            if first >= end {
-                continue;
-            }
-            let blocks = drawn.blocks(row, [first, end]);
-            let (depths, faces) =
-                (&mut drawn.depths[blocks.clone()], &mut drawn.faces[blocks.clone()]);
-            let before = (&front.depths[blocks.clone()], &front.faces[blocks.clone()]);
-            let mut is_left = keep_behind((depths, faces), before);
-            for layer in &mut *layers {
-                if !is_left {
-                    break;
+            let mut deepest = 0;
+            for index in drawn.blocks(row, [first, end]) {
+                let mut block = drawn.block(index);
+                drawn.put(index, Block::empty());
+                block.keep_behind(front.block(index));
+                for (number, layer) in layers.iter_mut().enumerate() {
+                    if block.is_empty() {
+                        break;
+                    }
+                    deepest = deepest.max(number + 1);
+                    layer.put(index, block.exchange(layer.block(index)));
                 }
+            }
+            for layer in &mut layers[..deepest] {
                 let reached = &mut layer.reached[row];
                 *reached = [reached[0].min(first), reached[1].max(end)];
-                let kept = (&mut layer.depths[blocks.clone()], &mut layer.faces[blocks.clone()]);
-                is_left = keep_nearer((depths, faces), kept);
-            }
-            if is_left {
-                depths.fill([beyond(); LANES]);
-                faces.fill([NO_FACE; LANES]);
             }
         }
         drawn.reached_by_blocks = [usize::MAX, 0];
     }
 }
 
-/// The depths of neighbouring pixels, in blocks, and the positions of their faces.
-type Blocks<'a, S> = (&'a mut [[S; LANES]], &'a mut [[u64; LANES]]);
-
-/// Forgets what is not behind `front`; returns whether something is left.
-#[inline(always)]
-fn keep_behind<S: Scalar>(
-    (depths, faces): Blocks<'_, S>,
-    front: (&[[S; LANES]], &[[u64; LANES]]),
-) -> bool {
-    let mut nearest = [beyond(); LANES];
-    let fronts = front.0.iter().zip(front.1);
-    for ((depth, face), (front, front_face)) in depths.iter_mut().zip(faces).zip(fronts) {
-        let (before, face_before) = (*depth, *face);
-        compiler_fence(Ordering::SeqCst);
-        let is_behind = lanes(|k| {
-            (before[k] > front[k]) | (before[k] == front[k]) & (face_before[k] > front_face[k])
-        });
-        let kept = lanes(|k| if is_behind[k] { before[k] } else { beyond() });
-        *depth = kept;
-        *face = lanes(|k| if is_behind[k] { face_before[k] } else { NO_FACE });
-        nearest = lanes(|k| if kept[k] < nearest[k] { kept[k] } else { nearest[k] });
-    }
-    nearest.iter().any(|&depth| depth < beyond())
+/// The depths of neighbouring pixels, and the positions of their faces.
+#[derive(Clone, Copy)]
+struct Block<S> {
+    depths: [S; LANES],
+    faces: [u64; LANES],
 }
 
-/// Exchanges what is nearer than what a layer has with that; returns whether something is left to go on to
-/// the next layer.
-#[inline(always)]
-fn keep_nearer<S: Scalar>(
-    (depths, faces): Blocks<'_, S>,
-    (kept_depths, kept_faces): Blocks<'_, S>,
-) -> bool {
-    let mut nearest = [beyond(); LANES];
-    let kept = kept_depths.iter_mut().zip(kept_faces);
-    for ((depth, face), (kept, kept_face)) in depths.iter_mut().zip(faces).zip(kept) {
-        let (a, b, face_a, face_b) = (*depth, *kept, *face, *kept_face);
-        compiler_fence(Ordering::SeqCst);
-        let is_nearer = lanes(|k| (a[k] < b[k]) | (a[k] == b[k]) & (face_a[k] < face_b[k]));
-        let left = lanes(|k| if is_nearer[k] { b[k] } else { a[k] });
-        *kept = lanes(|k| if is_nearer[k] { a[k] } else { b[k] });
-        *kept_face = lanes(|k| if is_nearer[k] { face_a[k] } else { face_b[k] });
-        *depth = left;
-        *face = lanes(|k| if is_nearer[k] { face_b[k] } else { face_a[k] });
-        nearest = lanes(|k| if left[k] < nearest[k] { left[k] } else { nearest[k] });
+impl<S: Scalar<Wide = S>> Block<S> {
+    #[inline(always)]
+    fn empty() -> Self {
+        Self { depths: [beyond(); LANES], faces: [NO_FACE; LANES] }
     }
-    nearest.iter().any(|&depth| depth < beyond())
+
+    #[inline(always)]
+    fn is_empty(&self) -> bool {
+        self.depths.iter().fold(true, |all, &depth| all & (depth == beyond()))
+    }
+
+    /// Which of its pixels lie behind those of `other`; of equal depths the lower face is in front.
+    #[inline(always)]
+    fn are_behind(&self, other: &Self) -> [bool; LANES] {
+        let (a, b) = (self, other);
+        lanes(|k| {
+            (a.depths[k] > b.depths[k])
+                | (a.depths[k] == b.depths[k]) & (a.faces[k] > b.faces[k])
+        })
+    }
+
+    /// Its pixels where `is_first`, those of `other` elsewhere.
+    #[inline(always)]
+    fn or(&self, other: &Self, is_first: [bool; LANES]) -> Self {
+        let depths = lanes(|k| if is_first[k] { self.depths[k] } else { other.depths[k] });
+        let faces = lanes(|k| if is_first[k] { self.faces[k] } else { other.faces[k] });
+        Self { depths, faces }
+    }
+
+    /// Forgets the pixels that do not lie behind those of `front`.
+    #[inline(always)]
+    fn keep_behind(&mut self, front: Self) {
+        *self = self.or(&Self::empty(), self.are_behind(&front));
+    }
+
+    /// Of its pixels and those of `other` it keeps those behind and returns the others.
+    #[inline(always)]
+    fn exchange(&mut self, other: Self) -> Self {
+        let are_behind = self.are_behind(&other);
+        let nearer = other.or(self, are_behind);
+        *self = self.or(&other, are_behind);
+        nearer
+    }
+}
+
+impl<S: Scalar<Wide = S>> Plane<S> {
+    #[inline(always)]
+    fn block(&self, index: usize) -> Block<S> {
+        Block { depths: self.depths[index], faces: self.faces[index] }
+    }
+
+    #[inline(always)]
+    fn put(&mut self, index: usize, block: Block<S>) {
+        compiler_fence(Ordering::SeqCst);
+        (self.depths[index], self.faces[index]) = (block.depths, block.faces);
+    }
 }

@@ -15,6 +15,8 @@ pub(super) const NO_FACE: u64 = u64::MAX;
 pub(super) struct Plane<S> {
     /// The width of the image that it was made for.
     width: usize,
+    /// Blocks from a row to the next.
+    per_row: usize,
     /// In blocks, row by row.
     pub(super) depths: Vec<[S; LANES]>,
     /// In as many bits, so that both fit the same vectors.
@@ -28,7 +30,7 @@ pub(super) struct Plane<S> {
 impl<S> Default for Plane<S> {
     fn default() -> Self {
         let (depths, faces, reached) = Default::default();
-        Self { width: 0, depths, faces, reached, reached_by_blocks: [usize::MAX, 0] }
+        Self { width: 0, per_row: 0, depths, faces, reached, reached_by_blocks: [usize::MAX, 0] }
     }
 }
 
@@ -37,8 +39,9 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     pub(super) fn fit<T: Scalar<Wide = S>>(&mut self, view: &Prepared<'_, T>) {
         // As many blocks are not enough: what was drawn beyond the width is never forgotten.
         if self.width != view.size.width || self.reached.len() != view.rows {
-            let blocks = view.rows * view.blocks_per_row();
             self.width = view.size.width;
+            self.per_row = view.blocks_per_row();
+            let blocks = view.rows * self.per_row;
             self.depths.clear();
             self.depths.resize(blocks, [beyond(); LANES]);
             self.faces.clear();
@@ -60,7 +63,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     /// The blocks that hold some columns of a row, first and end.
     #[inline(always)]
     pub(super) fn blocks(&self, row: usize, [first, end]: [usize; 2]) -> Range<usize> {
-        let before = row * self.width.div_ceil(LANES);
+        let before = row * self.per_row;
         before + first / LANES..before + end.div_ceil(LANES)
     }
 
