@@ -145,8 +145,7 @@ impl<S: Scalar<Wide = S>> Block<S> {
     fn are_behind(&self, other: &Self) -> [bool; LANES] {
         let (a, b) = (self, other);
         lanes(|k| {
-            (a.depths[k] > b.depths[k])
-                | (a.depths[k] == b.depths[k]) & (a.faces[k] > b.faces[k])
+            (a.depths[k] > b.depths[k]) | (a.depths[k] == b.depths[k]) & (a.faces[k] > b.faces[k])
         })
     }
 
@@ -184,5 +183,49 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     fn put(&mut self, index: usize, block: Block<S>) {
         compiler_fence(Ordering::SeqCst);
         (self.depths[index], self.faces[index]) = (block.depths, block.faces);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn faces_are_sorted_by_their_depths_and_then_by_their_order(
+            faces in prop::collection::vec(prop::array::uniform4(0..6_u8), 0..24),
+            front in prop::array::uniform4((0..3_u8, 0..9_u64)),
+            count in 0..5_usize,
+        ) {
+            let plane = || Plane::new(LANES, 1, 1);
+            let (mut drawn, mut before) = (plane(), plane());
+            let mut layers: Vec<_> = (0..count).map(|_| plane()).collect();
+            // Few depths, so that many are equal; 0 stands for pixels in which nothing is.
+            let depth = |depth: u8| if depth == 0 { beyond() } else { f64::from(depth) / 8.0 };
+            before.depths[0] = front.map(|(at, _)| depth(at));
+            before.faces[0] = front.map(|(_, face)| face);
+            for (number, depths) in (0..).zip(&faces) {
+                drawn.depths[0] = depths.map(depth);
+                drawn.faces[0] = depths.map(|at| if at == 0 { NO_FACE } else { number });
+                drawn.reached[0] = [0, LANES];
+                let (drawn, front, layers) = (&mut drawn, &before, &mut *layers);
+                let work = SortIn { drawn, front, layers, rows: 0..1 };
+                crate::dispatch::dispatch::<f64, _>(work);
+            }
+            prop_assert!(drawn.block(0).is_empty() && drawn.faces[0] == [NO_FACE; LANES]);
+            for lane in 0..LANES {
+                let of_face = |(number, depths): (u64, &[u8; LANES])| (depths[lane], number);
+                let mut expected: Vec<_> = (0..).zip(&faces).map(of_face).collect();
+                expected.retain(|&face| face.0 > 0 && front[lane].0 > 0 && face > front[lane]);
+                expected.sort_unstable();
+                let mut found = layers.iter().map(|layer| (layer.depths[0][lane], layer.faces[0][lane]));
+                for (at, number) in expected.into_iter().take(count) {
+                    prop_assert_eq!(found.next(), Some((depth(at), number)));
+                }
+                prop_assert!(found.all(|nothing| nothing == (beyond(), NO_FACE)));
+            }
+        }
     }
 }

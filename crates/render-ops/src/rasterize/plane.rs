@@ -39,15 +39,20 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     pub(super) fn fit<T: Scalar<Wide = S>>(&mut self, view: &Prepared<'_, T>) {
         // As many blocks are not enough: what was drawn beyond the width is never forgotten.
         if self.width != view.size.width || self.reached.len() != view.rows {
-            self.width = view.size.width;
-            self.per_row = view.blocks_per_row();
-            let blocks = view.rows * self.per_row;
-            self.depths.clear();
-            self.depths.resize(blocks, [beyond(); LANES]);
-            self.faces.clear();
-            self.faces.resize(blocks, [NO_FACE; LANES]);
-            self.reached.clear();
-            self.reached.resize(view.rows, [view.size.width, 0]);
+            *self = Self::new(view.size.width, view.rows, view.blocks_per_row());
+        }
+    }
+
+    /// One with nothing drawn.
+    pub(super) fn new(width: usize, rows: usize, per_row: usize) -> Self {
+        let blocks = rows * per_row;
+        Self {
+            width,
+            per_row,
+            depths: vec![[beyond(); LANES]; blocks],
+            faces: vec![[NO_FACE; LANES]; blocks],
+            reached: vec![[width, 0]; rows],
+            ..Self::default()
         }
     }
 
