@@ -171,20 +171,14 @@ impl<T: Scalar> Canvas<T> {
             if view.sampling.has_pieces() {
                 self.resolve(view, index, rows.clone(), &faces[band]);
             }
-            let mut layers = 0..view.layers;
-            match view.front {
-                None => {
-                    self.read(view, (layers.next().unwrap_or(0), index), rows.clone(), &faces[band])
-                }
-                Some(_) => self.plane.forget(rows.len()),
+            if view.front.is_some() {
+                self.plane.forget(rows.len());
             }
-            if !layers.is_empty() {
-                std::mem::swap(&mut self.weights, &mut self.peeling.weights);
-            }
-            for (k, layer) in layers.enumerate() {
-                std::mem::swap(&mut self.plane, &mut self.peeling.layers[k]);
+            for layer in 0..view.layers {
+                let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
+                self.exchange_layer(behind);
                 self.read(view, (layer, index), rows.clone(), &faces[band]);
-                std::mem::swap(&mut self.plane, &mut self.peeling.layers[k]);
+                self.exchange_layer(behind);
             }
         }
     }
@@ -194,7 +188,7 @@ impl<T: Scalar> Canvas<T> {
     fn draw_layers(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, faces: &[u32]) {
         for is_behind in [false, true] {
             if is_behind {
-                if self.peeling.layers.is_empty() {
+                if self.peeling.layers.is_empty() || self.plane.is_empty() {
                     return;
                 }
                 self.exchange_front();
@@ -216,10 +210,18 @@ impl<T: Scalar> Canvas<T> {
         self.exchange_front();
     }
 
-    /// Exchanges what was drawn for the layer in front.
+    /// Exchanges what was drawn and what is kept of its faces for the layer in front.
     fn exchange_front(&mut self) {
         std::mem::swap(&mut self.plane, &mut self.peeling.front);
         std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+    }
+
+    /// Exchanges what was drawn for the `behind`-th layer behind the one in front, if it is one of these.
+    fn exchange_layer(&mut self, behind: Option<usize>) {
+        if let Some(behind) = behind {
+            std::mem::swap(&mut self.plane, &mut self.peeling.layers[behind]);
+            std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+        }
     }
 
     /// Draws a face into the band of `rows`; returns its rows within the band.

@@ -56,6 +56,12 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         }
     }
 
+    /// Whether no pixel was reached.
+    pub(super) fn is_empty(&self) -> bool {
+        let [first, end] = self.reached_by_blocks;
+        first >= end && self.reached.iter().all(|[first, end]| first >= end)
+    }
+
     /// The columns of a row, first and end, that were reached; from then on none was.
     #[inline(always)]
     pub(super) fn take_reached(&mut self, row: usize) -> [usize; 2] {
