@@ -4,9 +4,14 @@
 //! equal, of their indices. So every face that covers the pixel is seen in one layer, and none in two.
 //! Depths are compared as they are computed for visibility, to the last bit.
 //!
-//! Each face is drawn alone. What is behind the layer in front changes places, pixel by pixel, with what
-//! the next layer has, where that is farther away. The farther one of both goes on to the layer after it. So
-//! one walk over a band's faces sorts them into all layers.
+//! The nearest layer is drawn as if it were the only one. Then each face is drawn once more, alone on a plane,
+//! and its pixels behind the layer in front go into the next one. A pixel that is taken there already keeps
+//! the nearer of both faces, and the other goes on to the layer after it. So one walk over a band's faces
+//! sorts them into all layers.
+//!
+//! # Cost
+//! Three layers of a closed surface of 20,000 faces, 1024 x 1024 pixels, `f32`: 408 million instructions with
+//! vectors of 256 bits, where one layer takes 118. A walk for each layer took 982.
 //!
 //! # Source
 //! Everitt, *Interactive order-independent transparency*, NVIDIA 2001. Several layers at once: Bavoil et al.,

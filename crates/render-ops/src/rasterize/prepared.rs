@@ -12,7 +12,7 @@ use crate::size::Size;
 /// Stands for "not seen".
 pub(super) const NO_SLOT: u32 = u32::MAX;
 
-/// 512 bytes of depths.
+/// Blocks of 512 bytes: rows that lie a multiple of it apart are drawn half of it farther apart.
 const BLOCKS_APART: usize = 16;
 
 /// What the stages share.
@@ -38,8 +38,8 @@ pub(super) struct Prepared<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
-    /// Blocks from the start of a row to that of the next: at a power of two the rows of a face would share a
-    /// few places in a core's cache.
+    /// Blocks from the start of a row to that of the next. At a distance of a large power of two the rows of a
+    /// face would share a few places in a core's cache.
     #[inline(always)]
     pub(super) fn blocks_per_row(&self) -> usize {
         let blocks = self.centers.len() / LANES;
