@@ -199,6 +199,8 @@ mod tests {
     use super::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
+
         #[test]
         fn faces_are_sorted_by_their_depths_and_then_by_their_order(
             faces in prop::collection::vec(prop::array::uniform4(0..6_u8), 0..24),
