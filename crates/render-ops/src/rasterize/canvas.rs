@@ -4,22 +4,19 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::behind::{DrawnLayer, Peeling};
+use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFace;
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
+use super::plane::{NO_FACE, Plane};
 use super::prepared::{NO_SLOT, Prepared};
 use super::setup::{LANES, Setup, Weights, beyond};
-use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
 use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
 
 /// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
 const PIXELS_PER_BLOCK: usize = 1024;
-
-/// Stands for "no face".
-const NO_FACE: u64 = u64::MAX;
 
 /// Gives a list `length` entries, whatever they are.
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
@@ -45,18 +42,10 @@ pub(super) struct Band<T: Scalar> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Canvas<T: Scalar> {
-    /// The width of the image that it was made for.
-    width: usize,
     /// Of the faces that were drawn.
     weights: Vec<Weights<T::Wide>>,
-    /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
-    /// so that both fit the same vectors.
-    depths: Vec<[T::Wide; LANES]>,
-    faces: Vec<[u64; LANES]>,
-    /// Per row: the columns, first and end, that were reached.
-    reached: Vec<[usize; 2]>,
-    /// The blocks of a row, first and end, that small faces reached in any row.
-    reached_by_blocks: [usize; 2],
+    /// Where faces are drawn.
+    plane: Plane<T::Wide>,
     /// Per drawn face: its slot, once it was seen.
     slot_of: Vec<u32>,
     /// Per slot: its position in `weights`.
@@ -67,7 +56,8 @@ pub(super) struct Canvas<T: Scalar> {
     places: Vec<u32>,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling<T::Wide>,
-    pub(super) bands: Vec<Band<T>>,
+    /// Per layer: the bands.
+    pub(super) bands: Vec<Vec<Band<T>>>,
 }
 
 /// Where the runs of a row are written down.
@@ -146,9 +136,10 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
         let orientation = view.verdicts[face].orientation;
         let mut setup = Setup::new(view.corners_of(face), orientation, view.size);
         let per_row = view.blocks_per_row();
-        let reached = &mut canvas.reached[local.clone()];
+        let Plane { depths, faces, reached, .. } = &mut canvas.plane;
+        let reached = &mut reached[local.clone()];
         let stored = local.start * per_row..local.end * per_row;
-        let (depths, faces) = (&mut canvas.depths[stored.clone()], &mut canvas.faces[stored]);
+        let (depths, faces) = (&mut depths[stored.clone()], &mut faces[stored]);
         let centers = &view.centers[..view.size.width];
         let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
         for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
@@ -169,52 +160,73 @@ impl<T: Scalar> Canvas<T> {
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
-        // As many blocks are not enough: what was drawn beyond the width is never forgotten.
-        if self.width != view.size.width || self.reached.len() != view.rows {
-            let blocks = view.rows * view.blocks_per_row();
-            self.width = view.size.width;
-            self.depths.clear();
-            self.depths.resize(blocks, [beyond(); LANES]);
-            self.faces.clear();
-            self.faces.resize(blocks, [NO_FACE; LANES]);
-            self.reached.clear();
-            self.reached.resize(view.rows, [view.size.width, 0]);
-        }
-        self.bands.resize_with(bands.len(), Band::default);
+        self.plane.fit(view);
+        self.peeling.fit(view);
+        self.bands.resize_with(view.layers, Vec::new);
+        self.bands.iter_mut().for_each(|of_layer| of_layer.resize_with(bands.len(), Band::default));
         for (index, band) in bands.enumerate() {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
-            self.weights.clear();
-            self.reached_by_blocks = [usize::MAX, 0];
-            match view.front {
-                None => {
-                    for &face in &faces[band] {
-                        self.draw(view, rows.clone(), face as usize);
-                    }
-                }
-                Some(front) => self.draw_behind(view, front, rows.clone(), &faces[band]),
-            }
+            self.draw_layers(view, rows.clone(), &faces[band]);
             if view.sampling.has_pieces() {
                 self.resolve(view, index, rows.clone(), &faces[band]);
             }
-            self.bands[index].row_starts.clear();
-            self.bands[index].covered.clear();
-            self.read.clear();
-            self.drawn_of_slot.clear();
-            self.places.clear();
-            self.slot_of.clear();
-            self.slot_of.resize(self.weights.len(), NO_SLOT);
-            for row in rows {
-                self.bands[index].row_starts.push(self.read.len() as u32);
-                self.read_row(view, index, row, row - first);
+            if view.front.is_some() {
+                self.plane.forget(rows.len());
             }
-            self.sort(index, &faces[band]);
+            for layer in 0..view.layers {
+                let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
+                self.exchange_layer(behind);
+                self.read(view, (layer, index), rows.clone(), &faces[band]);
+                self.exchange_layer(behind);
+            }
         }
     }
 
-    /// Draws a face into the band of `rows`.
+    /// Draws the nearest layer, or that in front, into the plane, and those behind it into theirs.
     #[inline(always)]
-    fn draw(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, face: usize) {
+    fn draw_layers(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, faces: &[u32]) {
+        for is_behind in [false, true] {
+            if is_behind {
+                if self.peeling.layers.is_empty() || self.plane.is_empty() {
+                    return;
+                }
+                self.exchange_front();
+            }
+            self.weights.clear();
+            if !is_behind && let Some(front) = view.front {
+                self.plane.draw_front(view, front, rows.clone(), faces);
+                continue;
+            }
+            for &face in faces {
+                let drawn = self.draw(view, rows.clone(), face as usize);
+                if is_behind {
+                    let Self { plane, peeling: Peeling { front, layers, .. }, .. } = self;
+                    let work = SortIn { drawn: plane, front, layers, rows: drawn };
+                    crate::dispatch::dispatch::<T, _>(work);
+                }
+            }
+        }
+        self.exchange_front();
+    }
+
+    /// Exchanges what was drawn and what is kept of its faces for the layer in front.
+    fn exchange_front(&mut self) {
+        std::mem::swap(&mut self.plane, &mut self.peeling.front);
+        std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+    }
+
+    /// Exchanges what was drawn for the `behind`-th layer behind the one in front, if it is one of these.
+    fn exchange_layer(&mut self, behind: Option<usize>) {
+        if let Some(behind) = behind {
+            std::mem::swap(&mut self.plane, &mut self.peeling.layers[behind]);
+            std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+        }
+    }
+
+    /// Draws a face into the band of `rows`; returns its rows within the band.
+    #[inline(always)]
+    fn draw(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, face: usize) -> Range<usize> {
         let Verdict { orientation, fate, .. } = view.verdicts[face];
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
@@ -231,14 +243,15 @@ impl<T: Scalar> Canvas<T> {
         {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
             let first = local.start * per_row + blocks.start;
-            let stored = (&mut self.depths[first..], &mut self.faces[first..]);
+            let Plane { depths, faces, reached_by_blocks, .. } = &mut self.plane;
+            let stored = (&mut depths[first..], &mut faces[first..]);
             let is_uncertain = small.cover(ys, centers, stored, per_row, number);
-            let [first, end] = &mut self.reached_by_blocks;
+            let [first, end] = reached_by_blocks;
             (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
             // Otherwise the face is drawn once more, in spans: a pixel that has its depth keeps it.
             if !is_uncertain {
                 self.weights.push(small.weights());
-                return;
+                return local;
             }
         }
         let touched = [left as usize, right as usize + 1];
@@ -248,26 +261,9 @@ impl<T: Scalar> Canvas<T> {
             face,
             touched,
             ys,
-            local,
+            local: local.clone(),
         });
-    }
-
-    /// Draws the layer behind `front` into the band of `rows`.
-    #[inline(never)]
-    fn draw_behind(
-        &mut self,
-        view: &Prepared<'_, T>,
-        front: &Coverage,
-        rows: Range<usize>,
-        faces: &[u32],
-    ) {
-        let layer = DrawnLayer {
-            depths: self.depths.as_flattened_mut(),
-            faces: self.faces.as_flattened_mut(),
-            stride: view.blocks_per_row() * LANES,
-            reached: &mut self.reached,
-        };
-        self.peeling.draw(view, front, rows, faces, layer, &mut self.weights);
+        local
     }
 
     /// Resolves the boundary pixels of band `band_index`, whose faces are `faces`; nothing is seen at their
@@ -281,14 +277,14 @@ impl<T: Scalar> Canvas<T> {
         faces: &[u32],
     ) {
         let Self { search, bands, weights, slot_of, .. } = self;
-        let Band { pieces, piece_fragments, .. } = &mut bands[band_index];
+        let Band { pieces, piece_fragments, .. } = &mut bands[0][band_index];
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
         piece_fragments.sort(pieces, faces, slot_of);
-        let stored = self.faces.as_flattened_mut();
+        let stored = self.plane.faces.as_flattened_mut();
         let stride = view.blocks_per_row() * LANES;
         for &pixel in &pieces.pixels {
             let [row, column] =
@@ -297,24 +293,50 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Reads what the pixels of a row of band `band_index` see, and forgets what was drawn there, up to the
-    /// image's width. `local` is the row within the band.
+    /// Reads the plane as the runs of a band of a layer, `of_band`, and forgets what was drawn there.
     #[inline(always)]
-    fn read_row(&mut self, view: &Prepared<'_, T>, band_index: usize, row: usize, local: usize) {
-        let width = view.size.width;
-        let [first, end] = std::mem::replace(&mut self.reached[local], [width, 0]);
-        let [first_block, end_block] = self.reached_by_blocks;
-        let first = first.min(first_block.saturating_mul(LANES));
-        let end = end.max((end_block * LANES).min(width));
+    fn read(
+        &mut self,
+        view: &Prepared<'_, T>,
+        of_band: (usize, usize),
+        rows: Range<usize>,
+        faces: &[u32],
+    ) {
+        let band = &mut self.bands[of_band.0][of_band.1];
+        band.row_starts.clear();
+        band.covered.clear();
+        self.read.clear();
+        self.drawn_of_slot.clear();
+        self.places.clear();
+        self.slot_of.clear();
+        self.slot_of.resize(self.weights.len(), NO_SLOT);
+        for (local, row) in rows.enumerate() {
+            self.bands[of_band.0][of_band.1].row_starts.push(self.read.len() as u32);
+            self.read_row(view, of_band, row, local);
+        }
+        self.plane.reached_by_blocks = [usize::MAX, 0];
+        self.sort(of_band, faces);
+    }
+
+    /// Reads what the pixels of a row see, and forgets what was drawn there, up to the image's width.
+    /// `local` is the row within the band.
+    #[inline(always)]
+    fn read_row(
+        &mut self,
+        view: &Prepared<'_, T>,
+        of_band: (usize, usize),
+        row: usize,
+        local: usize,
+    ) {
+        let [first, end] = self.plane.take_reached(local);
         if first >= end {
             return;
         }
-        let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
-        let Self { faces, depths, bands, slot_of, drawn_of_slot, places, read, .. } = self;
-        let faces = faces[stored.clone()].as_flattened_mut();
+        let Self { plane, bands, slot_of, drawn_of_slot, places, read, .. } = self;
+        let (depths, faces, _) = plane.row(local);
         let before_row = (row * view.size.width) as u32;
         let mut reader = Reader {
-            covered: &mut bands[band_index].covered,
+            covered: &mut bands[of_band.0][of_band.1].covered,
             slot_of,
             drawn_of_slot,
             places,
@@ -340,15 +362,15 @@ impl<T: Scalar> Canvas<T> {
         }
         reader.read(faces[start], before_row + start as u32, (end - start) as u32);
         faces[first..end].fill(NO_FACE);
-        depths[stored].as_flattened_mut()[first..end].fill(beyond());
+        depths[first..end].fill(beyond());
     }
 
-    /// Sorts the runs of band `band_index`, whose faces are `faces`, by slot; those of one slot stay in order. Gives
+    /// Sorts the runs of a band of a layer, whose faces are `faces`, by slot; those of one slot stay in order. Gives
     /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, band_index: usize, faces: &[u32]) {
+    fn sort(&mut self, of_band: (usize, usize), faces: &[u32]) {
         let Self { weights, drawn_of_slot, read, places, bands, .. } = self;
-        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[band_index];
+        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[of_band.0][of_band.1];
         own_weights.clear();
         own_weights.extend(drawn_of_slot.iter().map(|&drawn| weights[drawn as usize]));
         let Runs { runs: sorted, slots, count, .. } = runs;

@@ -12,6 +12,9 @@ use crate::size::Size;
 /// Stands for "not seen".
 pub(super) const NO_SLOT: u32 = u32::MAX;
 
+/// Blocks of 512 bytes: rows that lie a multiple of it apart are drawn half of it farther apart.
+const BLOCKS_APART: usize = 16;
+
 /// What the stages share.
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
@@ -28,14 +31,19 @@ pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) limits: Limits,
     /// Whether a gradient can be asked for.
     pub(super) needs: bool,
-    /// The layer in front of what is looked for, if it is not all.
+    /// The layer in front of those that are looked for, if these are not the nearest.
     pub(super) front: Option<&'a Coverage>,
+    /// How many layers are looked for.
+    pub(super) layers: usize,
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
+    /// Blocks from the start of a row to that of the next. At a distance of a large power of two the rows of a
+    /// face would share a few places in a core's cache.
     #[inline(always)]
     pub(super) fn blocks_per_row(&self) -> usize {
-        self.centers.len() / LANES
+        let blocks = self.centers.len() / LANES;
+        if blocks.is_multiple_of(BLOCKS_APART) { blocks + BLOCKS_APART / 2 } else { blocks }
     }
 
     /// [`Mesh::is_silhouette`], as the mesh is seen.

@@ -49,31 +49,36 @@ pub(super) struct Visibility<T: Scalar> {
 }
 
 impl<T: Scalar> Visibility<T> {
-    /// Finds the runs, and what their weights follow from, which the bands hold: of the nearest faces, or of
-    /// those behind the layer `front`.
+    /// Finds the runs, and what their weights follow from, which the bands hold: of as many `layers` as there
+    /// are, the nearest ones, or those behind the layer `front`.
     pub(super) fn run(
         &mut self,
         clip: &[T],
         options: RasterOptions,
         needs: bool,
         front: Option<&Coverage>,
-        coverage: &mut Coverage,
+        mesh: &Mesh,
+        layers: &mut [Arc<Coverage>],
     ) {
-        let (mesh, size) = (&coverage.mesh.clone(), coverage.size);
+        let size = options.size;
         self.prepare_vertices(clip, mesh.vertex_count(), size);
         self.judge_faces(mesh, options);
         let rows = rows_per_band(size);
         self.faces.resize_with(size.height.div_ceil(rows), Vec::new);
         self.faces.iter_mut().for_each(Vec::clear);
-        (coverage.culled, self.reaches_behind) =
-            sort_into_bands(&self.verdicts, &mut self.faces, rows);
-        coverage.orientations.clear();
-        coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
-        self.draw_bands(mesh, options, needs, front);
-        join(self.bands(), coverage);
-        coverage.boundary.clear();
-        if options.sampling.has_pieces() {
-            join_pieces(self.bands(), coverage);
+        let culled;
+        (culled, self.reaches_behind) = sort_into_bands(&self.verdicts, &mut self.faces, rows);
+        self.draw_bands(mesh, options, needs, front, layers.len());
+        for (layer, coverage) in layers.iter_mut().enumerate() {
+            let coverage = Arc::get_mut(coverage).expect("nobody else holds it");
+            coverage.culled = culled;
+            coverage.orientations.clear();
+            coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
+            join(self.bands(layer), coverage);
+            coverage.boundary.clear();
+            if options.sampling.has_pieces() {
+                join_pieces(self.bands(layer), coverage);
+            }
         }
     }
 
@@ -123,6 +128,7 @@ impl<T: Scalar> Visibility<T> {
         options: RasterOptions,
         needs: bool,
         front: Option<&Coverage>,
+        layers: usize,
     ) {
         let size = options.size;
         let Self { centers, ys, .. } = self;
@@ -132,7 +138,7 @@ impl<T: Scalar> Visibility<T> {
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
         let mut canvases = std::mem::take(&mut self.canvases);
-        let view = Prepared { needs, front, ..self.drawn(mesh, options) };
+        let view = Prepared { needs, front, layers, ..self.drawn(mesh, options) };
         // As few as can be: what the band before has touched is in a core's cache.
         let (threads, faces) = (threads(), &self.faces);
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
@@ -161,6 +167,7 @@ impl<T: Scalar> Visibility<T> {
             limits,
             needs: false,
             front: None,
+            layers: 1,
         }
     }
 
@@ -169,11 +176,12 @@ impl<T: Scalar> Visibility<T> {
         &self.faces
     }
 
-    /// The bands, from the top.
-    pub(super) fn bands(&self) -> impl Iterator<Item = &Band<T>> + Clone {
+    /// The bands of a layer, from the top.
+    pub(super) fn bands(&self, layer: usize) -> impl Iterator<Item = &Band<T>> + Clone {
         let count = self.canvases.len();
         // Canvas k has drawn the bands k, k + count, k + 2 count, ..
-        (0..self.faces.len()).map(move |band| &self.canvases[band % count].bands[band / count])
+        (0..self.faces.len())
+            .map(move |band| &self.canvases[band % count].bands[layer][band / count])
     }
 }
 

@@ -2,8 +2,11 @@
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_render_ops::{
-    Cull, Mesh, RasterOptions, Size, depth, depth_layers, rasterize, rasterize_behind,
+    Cull, Fragments, Mesh, RasterOptions, RenderError, Size, depth, depth_layers, rasterize,
+    rasterize_behind,
 };
+use proptest::prelude::*;
+use rayon::ThreadPoolBuilder;
 
 const SIZE: Size = Size { width: 150, height: 131 };
 
@@ -90,6 +93,75 @@ fn the_first_layer_is_what_is_seen_and_layers_have_the_weights_of_faces_alone() 
                 approx::assert_relative_eq!(uv[[n, k]], expected, epsilon = 1e-14);
             }
         }
+    }
+}
+
+/// Vertices on pixel centres or anywhere, before the eye or behind it, and few depths.
+fn vertex(side: usize) -> impl Strategy<Value = [f32; 4]> {
+    let on_centers = 0..side;
+    let center = move |k: usize| (2 * k + 1) as f32 / side as f32 - 1.0;
+    let on_centers =
+        (on_centers.clone(), on_centers).prop_map(move |(x, y)| [center(x), center(y)]);
+    let anywhere = prop::array::uniform2(-1.4..1.4_f32);
+    let place = prop_oneof![on_centers, anywhere];
+    let w = prop_oneof![8 => Just(1.0_f32), 4 => 0.3..2.0_f32, 1 => -1.0..0.1_f32];
+    (place, 0..4_u8, w).prop_map(|([x, y], z, w)| [x * w, y * w, f32::from(z) / 5.0 * w, w])
+}
+
+/// Per layer: the faces that pixels see, and weights. The gradient of a sum over all.
+type Found = (Vec<(Vec<u32>, Tensor<f32>)>, Option<Tensor<f32>>);
+
+/// The faces, weights and gradient of the layers that `find` finds.
+fn found_by(
+    clip: &Tensor<f32>,
+    find: impl for<'t> Fn(&Fragments<'t, f32>) -> Result<Vec<Fragments<'t, f32>>, RenderError>,
+    mesh: &Mesh,
+    options: RasterOptions,
+) -> Found {
+    let tape = Tape::new();
+    let clip = tape.leaf(clip);
+    let layers = find(&rasterize(clip, mesh, options).unwrap()).unwrap();
+    let sums = layers.iter().map(|layer| layer.barycentrics.square().sum());
+    let gradient = sums.reduce(|a, b| a * 0.7 + b).map(|sum| sum.backward().unwrap());
+    let of_layer =
+        |layer: &Fragments<'_, f32>| (layer.coverage.triangle_ids(), layer.barycentrics.value());
+    let layers = layers.iter().map(of_layer).collect();
+    (layers, gradient.map(|gradient| gradient.get(clip).unwrap().clone()))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(128) })]
+
+    #[test]
+    fn layers_found_at_once_are_those_found_one_behind_another(
+        (side, clip) in (1..40_usize).prop_flat_map(|side| {
+            (Just(side), prop::collection::vec(vertex(side), 3..12))
+        }),
+        corners in prop::collection::vec(prop::array::uniform3(0..12_u32), 0..40),
+        culls_back in any::<bool>(),
+        most in prop_oneof![Just(None), (0..9_usize).prop_map(Some)],
+        threads in 1..4_usize,
+    ) {
+        let count = clip.len();
+        let faces = corners.iter().map(|face| face.map(|corner| corner % count as u32)).collect();
+        let mesh = Mesh::new(faces, count).unwrap();
+        let clip = Tensor::from_fn([count, 4], |[v, k]| clip[v][k]);
+        let cull = if culls_back { Cull::Back } else { Cull::None };
+        let options = RasterOptions::new(Size { width: 15 * side, height: 3 * side }).cull(cull);
+        let one_by_one = found_by(&clip, |first| {
+            let mut layers = vec![first.clone()];
+            while layers.last().unwrap().coverage.count() > 0 {
+                layers.push(rasterize_behind(layers.last().unwrap(), options)?);
+            }
+            layers.pop();
+            layers.truncate(most.unwrap_or(usize::MAX));
+            Ok(layers)
+        }, &mesh, options);
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let at_once = pool.install(|| {
+            found_by(&clip, |first| depth_layers(first.clip, &mesh, options, most), &mesh, options)
+        });
+        prop_assert_eq!(one_by_one, at_once);
     }
 }
 
