@@ -12,14 +12,12 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur;
-use super::blurs::Blurs;
 use super::frame::Frame;
-use super::front_to_back::{LensState, common};
+use super::front_to_back::{Gaps, LensState, common};
 use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
-use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, View};
+use crate::defocus::{Bands, Blurs, Memory, ROWS, Strip, Strips, halved, mean_weight};
 use crate::scratch::Workbench;
 use crate::size::Size;
 
@@ -45,7 +43,7 @@ pub(super) struct Bench<S> {
     row: Row,
     parts: Parts<S>,
     link_bars: Vec<LinkBar<S>>,
-    blur: blur::Memory<S>,
+    blur: Memory<S>,
     /// The band of the picture, or its gradient.
     picture: Vec<S>,
     state: LensState<S>,
@@ -70,7 +68,7 @@ fn add_to_rung<T: Scalar>(
     strip: &mut Strip<T::Wide>,
 ) {
     let (color, alpha) = view.color(part.surface, row * frame.size.width + column);
-    let mean = frame.mean_weight(halvings, [row, column]);
+    let mean = mean_weight(frame.size, halvings, [row, column]);
     let weight = weight * part.share * T::Wide::from_f64(mean);
     let alpha = alpha.widen();
     let [row, column] = [row >> halvings, column >> halvings];
@@ -87,6 +85,7 @@ fn add_to_rung<T: Scalar>(
 #[derive(Debug)]
 pub(super) struct Passes<'a, T: Scalar> {
     pub(super) blurs: &'a Blurs,
+    pub(super) gaps: &'a Gaps,
     pub(super) frame: Frame,
     pub(super) benches: &'a Workbench<Bench<T::Wide>>,
 }
@@ -99,7 +98,7 @@ impl<T: Scalar> Passes<'_, T> {
         bands: &mut [Strips<T::Wide>],
         outcomes: &mut [FillOutcome],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, frame, benches, .. } = *self;
         let halvings = &blurs.halvings;
         for_each_two_pieces_mut(bands, outcomes, [1, 1], |band, strips, outcome| {
             let strips = &mut strips[0];
@@ -142,7 +141,7 @@ impl<T: Scalar> Passes<'_, T> {
         bands: &mut [Band<T::Wide>],
         out: &mut [T],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, gaps, frame, benches } = *self;
         let channels = reference.len();
         let row = frame.shown_size().width * channels;
         for_each_two_pieces_mut(bands, out, [1, ROWS * row], |band, own, out| {
@@ -166,7 +165,7 @@ impl<T: Scalar> Passes<'_, T> {
                     for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
                         blur.apply(source, channel, &target, memory, out);
                     }
-                    state.add(own.blurred.as_slice(), &blurs.gaps, channels, picture);
+                    state.add(own.blurred.as_slice(), gaps, channels, picture);
                 }
                 let pixels = picture.chunks_exact(channels).zip(&state.total);
                 for (out, (picture, &total)) in out.chunks_exact_mut(channels).zip(pixels) {
@@ -178,7 +177,7 @@ impl<T: Scalar> Passes<'_, T> {
                     }
                 }
                 own.piece = match tells_piece {
-                    true => state.piece(own.blurred.as_slice(), &blurs.gaps, channels),
+                    true => state.piece(own.blurred.as_slice(), gaps, channels),
                     false => 0,
                 };
             });
@@ -192,7 +191,7 @@ impl<T: Scalar> Passes<'_, T> {
         out_bar: &[T],
         bars: &mut [Strips<T::Wide>],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, gaps, frame, benches } = *self;
         let Size { width, height } = frame.shown_size();
         let row = out_bar.len() / height;
         let channels = row / width;
@@ -211,7 +210,7 @@ impl<T: Scalar> Passes<'_, T> {
                     shown_bars.push(strip.rung, channels + 1, place);
                 }
                 state.begin(&part);
-                state.pull_back(blurred, &blurs.gaps, picture, shown_bars.as_mut_slice());
+                state.pull_back(blurred, gaps, picture, shown_bars.as_mut_slice());
                 for from in shown_bars.as_slice() {
                     let Some([blur, _]) = blurs.blur(from.rung, frame.size) else { continue };
                     let place = [from.rows.clone(), from.columns.clone()];
@@ -235,7 +234,7 @@ impl<T: Scalar> Passes<'_, T> {
         band: usize,
         found: &mut BandBars<T::Wide>,
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, frame, benches, .. } = *self;
         let rows = frame.rows(band);
         found.clear(view, rows.len() * frame.size.width);
         benches.with(|bench| {

@@ -2,12 +2,11 @@
 
 use bokashi_core::Scalar;
 
-use super::blurs::Blurs;
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
-use super::strips::{ROWS, Strips};
 use super::surfaces::{Part, Parts, Share, View};
 use crate::background::Kind;
+use crate::defocus::{Blurs, ROWS, Strips, mean_weight};
 use crate::runs::Run;
 
 /// Gradients of a layer's fragments at pixel centres, by the pixels of a band.
@@ -136,7 +135,7 @@ impl<S: Scalar> BandBars<S> {
                 beside.fill(S::ZERO);
                 continue;
             };
-            let weight = S::from_f64(frame.mean_weight(halvings, [row, column]));
+            let weight = S::from_f64(mean_weight(frame.size, halvings, [row, column]));
             let numbers = strip.values[offset..].iter().step_by(strip.plane());
             beside.iter_mut().zip(numbers).for_each(|(to, &number)| *to = number * weight);
         }

@@ -16,9 +16,9 @@ use bokashi_core::Scalar;
 
 use super::circles::{Circle, Optics};
 use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
-use super::rungs::{Position, Rungs};
 use crate::background::Kind;
 use crate::coverage::Coverage;
+use crate::defocus::{Position, Rungs};
 
 /// A share of a pixel that is less is rounding.
 const LEAST_SHARE: f64 = 1e-6;
