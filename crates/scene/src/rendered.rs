@@ -70,25 +70,20 @@ pub fn capped_note(scene: &Scene) -> Result<Option<String>, SceneError> {
         return Ok(None);
     }
     let renderer = Renderer::new(Arc::new(scene.clone()))?;
-    let (mut total, mut views, mut most) = (0, 0, (0, ""));
+    let (mut total, mut most) = (0, (0, ""));
     for (view, SceneView { name, .. }) in scene.views.iter().enumerate() {
         let tape = Tape::new();
         let values = Values { tape: &tape, learnt: None };
         let capped = renderer.draw(&values, view, 1, false)?.capped().map_err(FitError::from)?;
         total += capped;
-        views += usize::from(capped > 0);
         if capped > most.0 {
             most = (capped, name);
         }
     }
-    let (count, worst) = most;
-    Ok((total > 0).then(|| {
-        format!(
-            "{total} circles of confusion in {views} of {} views are cut to `largest_radius` of \
-             `[pipeline.lens]`: a higher one blurs them as far as they are; view {worst:?} has {count}",
-            scene.views.len()
-        )
-    }))
+    let (_, worst) = most;
+    let rule = "are cut to `largest_radius` of `[pipeline.lens]`: a higher one blurs them as far as they are";
+    let note = format!("{total} circles of confusion, most of them in view {worst:?}, {rule}");
+    Ok((total > 0).then_some(note))
 }
 
 fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {

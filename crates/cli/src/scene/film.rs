@@ -15,13 +15,15 @@ use crate::failure::Failure;
 pub(super) const FILES: [&str; 2] = ["views/film.png", "views/film-end.png"];
 
 /// How often the views are drawn over a fit.
-const FRAMES: u64 = 30;
+const FRAMES: u64 = 14;
 /// How many views are shown.
 const VIEWS: usize = 3;
 /// The width and the height of a view, in pixels, below twice this.
 const SIDE: usize = 128;
+/// The width up to which small views are enlarged, in pixels.
+const WIDTH: u32 = 640;
 /// Frames per second.
-const RATE: u16 = 8;
+const RATE: u16 = 6;
 /// Between the views, and behind them.
 const GAP: u32 = 4;
 const GROUND: [u8; 3] = [38, 40, 48];
@@ -61,26 +63,25 @@ impl Film {
         Ok(())
     }
 
-    /// Writes the film to the folder `out`; false where no view has an image.
-    pub(super) fn save(&self, out: &Path) -> Result<bool, Failure> {
+    /// Writes the film to the folder `out`, and returns it as a block of a page; an empty one where no view has an
+    /// image.
+    pub(super) fn save(&self, out: &Path) -> Result<String, Failure> {
         let frames = self.frames.borrow();
-        let Some(last) = frames.last() else { return Ok(false) };
-        for (name, bytes) in FILES.into_iter().zip([animation(&frames, RATE), png(last)]) {
+        let Some(last) = frames.last() else { return Ok(String::new()) };
+        let [film, end] = FILES;
+        for (name, bytes) in [(film, animation(&frames, RATE)), (end, png(last))] {
             let bytes = bytes.map_err(|error| Failure::Work(error.to_string()))?;
             write_result(out, name, &bytes)?;
         }
-        Ok(true)
+        // Small views are shown enlarged.
+        let width = (WIDTH / last.width()).max(1) * last.width();
+        Ok(format!(
+            "<div class=\"film\"><picture><source media=\"(prefers-reduced-motion:reduce)\" \
+             srcset=\"{end}\"><img width=\"{width}\" alt=\"views turn into their targets\" \
+             src=\"{film}\"></picture><div><p>Above what is seen, below the targets, from the first step to \
+             the last.</p></div></div>"
+        ))
     }
-}
-
-/// The film as a block of a page.
-pub(super) fn block() -> String {
-    let [film, end] = FILES;
-    format!(
-        "<div class=\"film\"><picture><source media=\"(prefers-reduced-motion:reduce)\" \
-         srcset=\"{end}\"><img alt=\"views turn into their targets\" src=\"{film}\"></picture>\
-         <div><p>Above what is seen, below the targets, from the first step to the last.</p></div></div>"
-    )
 }
 
 /// A picture of red, green and blue bytes.
@@ -100,7 +101,7 @@ mod tests {
     #[test]
     fn without_a_view_that_has_an_image_there_is_no_film() {
         let out = tempfile::tempdir().unwrap();
-        assert!(!Film::default().save(out.path()).unwrap());
+        assert!(Film::default().save(out.path()).unwrap().is_empty());
         assert_eq!(std::fs::read_dir(out.path()).unwrap().count(), 0);
     }
 }

@@ -88,7 +88,7 @@ impl Results<'_> {
             true => String::new(),
             false => block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?,
         };
-        let film = if self.film.save(self.out)? { film::block() } else { String::new() };
+        let film = self.film.save(self.out)?;
         let page = page(fit, &outcome, &record.curves, [film, viewer]).render();
         let report = page.and_then(|page| page.write(self.out)).map_err(not_reported)?;
         if let Some(file) = self.json {

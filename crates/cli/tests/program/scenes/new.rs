@@ -232,7 +232,7 @@ fn circles_of_confusion_that_are_cut_are_noted_once() {
     let scene = |apertures: [f64; 2], key: &str| {
         let views = [view("a", apertures[0]), view("b", apertures[1])].concat();
         format!(
-            "[[meshes]]\nshape = \"plane\"\nplace = {{ scale = 20.0 }}\n{views}\
+            "[[meshes]]\nshape = \"plane\"\nplace = {{ scale = 1.0 }}\n{views}\
              [pipeline.lens]\naperture = 1.0\nfocus = 2.0\n{key}"
         )
     };
@@ -240,9 +240,8 @@ fn circles_of_confusion_that_are_cut_are_noted_once() {
     for words in [&["inspect", "cut.toml"][..], &["render", "cut.toml", "--out", "out"]] {
         let told = said(folder, words);
         let rule =
-            "circles of confusion in 1 of 2 views are cut to `largest_radius` of `[pipeline.lens]`";
+            " circles of confusion, most of them in view \"a\", are cut to `largest_radius` of ";
         assert_eq!(told.matches(rule).count(), 1, "{told}");
-        assert!(told.contains("view \"a\" has"), "{told}");
     }
     for (apertures, key) in [([120.0; 2], ""), ([140.0; 2], "largest_radius = 80\n")] {
         write(folder, "fine.toml", scene(apertures, key));
