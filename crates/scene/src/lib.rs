@@ -95,7 +95,7 @@ pub use object::{Attribute, Object, SurfaceMap, SurfaceMaterial};
 pub use picture::{
     ColorSpace, Depth, MOST_SAMPLES, Mask, MaskKind, Picture, Samples, Turn, is_guarded,
 };
-pub use rendered::Rendered;
+pub use rendered::{Rendered, capped_note};
 pub use renderer::{Drawn, Renderer};
 pub use scene::{Scene, SceneView};
 pub use summary::{

@@ -11,7 +11,7 @@ use crate::error::{Location, SceneError};
 use crate::learnables::Values;
 use crate::picture::{Picture, Samples};
 use crate::renderer::Renderer;
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneView};
 
 /// The files of a view.
 #[derive(Debug, Clone)]
@@ -59,6 +59,31 @@ impl Scene {
         let renderer = Renderer::new(Arc::new(self.clone()))?;
         Ok(views.iter().map(move |&view| rendered(&renderer, view)))
     }
+}
+
+/// A note of the circles of confusion that views have at first, and that are cut to the largest one.
+///
+/// # Errors
+/// As [`Scene::rendered`].
+pub fn capped_note(scene: &Scene) -> Result<Option<String>, SceneError> {
+    if scene.description.pipeline.lens.is_none() || scene.objects.is_empty() {
+        return Ok(None);
+    }
+    let renderer = Renderer::new(Arc::new(scene.clone()))?;
+    let (mut total, mut most) = (0, (0, ""));
+    for (view, SceneView { name, .. }) in scene.views.iter().enumerate() {
+        let tape = Tape::new();
+        let values = Values { tape: &tape, learnt: None };
+        let capped = renderer.draw(&values, view, 1, false)?.capped().map_err(FitError::from)?;
+        total += capped;
+        if capped > most.0 {
+            most = (capped, name);
+        }
+    }
+    let (_, worst) = most;
+    let rule = "are cut to `largest_radius` of `[pipeline.lens]`: a higher one blurs them as far as they are";
+    let note = format!("{total} circles of confusion, most of them in view {worst:?}, {rule}");
+    Ok((total > 0).then_some(note))
 }
 
 fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use bokashi_scene::description::{Description, Stage, ViewLens};
 use bokashi_scene::{
-    LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceMaterial, learnt_keys,
-    lens_note,
+    LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceMaterial, capped_note,
+    learnt_keys, lens_note,
 };
 use glam::DVec3;
 use serde_json::json;
@@ -59,9 +59,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             false => findings.note(note),
         }
     }
-    if let Some(note) = lens_note(&scene)? {
-        findings.note(note);
-    }
+    lens_note(&scene)?.into_iter().chain(capped_note(&scene)?).for_each(|note| findings.note(note));
     for file in named_images(description) {
         // It was read when the scene was loaded.
         for remark in Picture::remarks_in(&scene.folder, file).unwrap_or_default() {

@@ -5,9 +5,10 @@ use std::path::Path;
 use std::sync::PoisonError;
 
 use bokashi_fit::{FitError, Given, Listener, Ranks, Rules, Stop, drive};
-use bokashi_scene::{Scene, SceneError, SceneFit, lens_note};
+use bokashi_scene::{Scene, SceneError, SceneFit, capped_note, lens_note};
 
 use super::checkpoint::{CHECKPOINT, Checkpoint, save};
+use super::film::Film;
 use super::live_page::LivePage;
 use super::outcome::values;
 use super::progress_bar::Bar;
@@ -66,8 +67,9 @@ fn run_until(
     let first = values(&fit);
     let steps = options.steps.map_or(fit.steps(), |most| most.min(fit.steps()));
     let record = RefCell::new(Record::new(&fit));
+    let film = Film::default();
     let mut page = live.map(|live| LivePage::new(live, steps, &record));
-    let stop = steps_of(&mut fit, options, steps, interrupt, &record, page.as_mut());
+    let stop = steps_of(&mut fit, options, steps, interrupt, (&record, &film), page.as_mut());
     // Of parameters that differ, nobody knows which are right: the last checkpoint stays.
     let is_trusted = !matches!(stop, Err(SceneError::Fit(FitError::Apart { .. })));
     let failure = match stop {
@@ -91,7 +93,8 @@ fn run_until(
     fit.on_first(|| Ok::<_, Failure>(save(&fit, options.out())?))?;
     let (out, json, page) = (options.out(), options.json.as_deref(), page.as_ref());
     let record = record.borrow();
-    let results = Results { out, json, page, speaks, time: record.started.elapsed() };
+    let time = record.started.elapsed();
+    let results = Results { out, json, page, film: &film, speaks, time };
     let written = save_views(&fit, out).map_err(Failure::from);
     let written =
         written.and_then(|scores| fit.on_first(|| results.write(&fit, &record, &first, scores)));
@@ -104,17 +107,17 @@ fn steps_of(
     options: &FitArguments,
     steps: u64,
     interrupt: &Interrupt,
-    record: &RefCell<Record>,
+    (record, film): (&RefCell<Record>, &Film),
     page: Option<&mut LivePage<'_>>,
 ) -> Result<Stop, SceneError> {
     let mut recorder = Recorder(record);
     let mut bar = Bar::new(options.quiet || !fit.is_first(), steps, record);
     let mut checkpoint = Checkpoint::new(options.out(), options.save_every, bar.warner());
-    let mut held_out = held_out(steps, record);
+    let (mut held_out, mut film) = (held_out(steps, record), film.listener(steps));
     let mut listeners: Vec<&mut dyn Listener<SceneFit>> =
         vec![&mut recorder, &mut bar, &mut checkpoint];
     listeners.extend(page.map(|page| page as &mut dyn Listener<SceneFit>));
-    listeners.push(&mut held_out);
+    listeners.extend([&mut held_out as &mut dyn Listener<SceneFit>, &mut film]);
     let signal = || interrupt.signal();
     let rules = Rules { steps: Some(steps), seconds: options.time, interrupt: Some(&signal) };
     drive(fit, &rules, &mut listeners)
@@ -125,6 +128,7 @@ fn notes(fit: &SceneFit) -> Result<Vec<String>, Failure> {
     let scene = fit.scene();
     let bent = lens_note(scene).map_err(SceneError::from)?;
     let mut notes: Vec<_> = scene.notes.iter().cloned().chain(bent).collect();
+    notes.extend(capped_note(scene)?);
     notes.extend(changes(fit.changed()));
     let ended = fit.ended();
     notes.extend(ended.map(|rule| format!("the fit had ended when it was saved: {rule}")));

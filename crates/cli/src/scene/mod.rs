@@ -1,6 +1,7 @@
 //! `bokashi fit scene.toml` and `bokashi render scene.toml`: a user's own meshes, images and cameras.
 
 mod checkpoint;
+mod film;
 mod fit;
 mod live_page;
 mod outcome;

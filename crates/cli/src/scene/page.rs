@@ -16,8 +16,15 @@ pub(super) struct Curves {
     pub(super) held_out: Vec<(f64, f64)>,
 }
 
-/// The page. `viewer` is a block that turns the learnt mesh, or empty.
-pub(super) fn page(fit: &SceneFit, outcome: &Outcome, curves: &Curves, viewer: String) -> Document {
+/// The page. `film` is a block that shows the fit in motion, and `viewer` one that turns the learnt mesh; or empty.
+pub(super) fn page(
+    fit: &SceneFit,
+    outcome: &Outcome,
+    curves: &Curves,
+    [film, viewer]: [String; 2],
+) -> Document {
+    let mut motion = Section::new("film", "The fit in motion", "");
+    motion.push_html(film);
     let mut mesh = Section::new("mesh", "The learnt mesh", "");
     mesh.push_html(viewer);
     let mut words = vec![format!("{}.", outcome.message())];
@@ -33,6 +40,7 @@ pub(super) fn page(fit: &SceneFit, outcome: &Outcome, curves: &Curves, viewer: S
         introduction: words.join(" "),
         sections: vec![
             errors(curves),
+            motion,
             views(fit, outcome),
             mesh,
             learnt(fit, outcome),

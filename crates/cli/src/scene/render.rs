@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Scene, SceneError, lens_note, write_result};
+use bokashi_scene::{Scene, SceneError, capped_note, lens_note, write_result};
 
 use crate::arguments::{RenderArguments, USUAL_OUT};
 use crate::failure::Failure;
@@ -39,7 +39,8 @@ pub(crate) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
     if !quiet {
         let bent = lens_note(&scene).map_err(|error| failed(error.into()))?;
-        for note in scene.notes.iter().chain(&bent) {
+        let capped = capped_note(&scene).map_err(failed)?;
+        for note in scene.notes.iter().chain(&bent).chain(&capped) {
             say(&format!("note: {note}\n"))?;
         }
     }

@@ -7,6 +7,7 @@ use bokashi_report::ReportError;
 use bokashi_scene::{Scene, SceneError, SceneFit, Tensor, ViewScore};
 
 use super::checkpoint::CHECKPOINT;
+use super::film::{self, Film};
 use super::live_page::LivePage;
 use super::outcome::{Outcome, fall};
 use super::page::page;
@@ -22,7 +23,9 @@ fn not_reported(error: ReportError) -> Failure {
 
 /// Where the files of a fit lie in the folder of results.
 pub(super) fn files(scene: &Scene) -> Vec<PathBuf> {
-    let all = ["index.html", CHECKPOINT].map(PathBuf::from).into_iter().chain(scene.result_names());
+    let [film, end] = film::FILES;
+    let all = ["index.html", CHECKPOINT, film, end].map(PathBuf::from);
+    let all = all.into_iter().chain(scene.result_names());
     let views = scene.views.iter();
     all.chain(views.flat_map(|view| KINDS.map(|what| path(&view.name, what)))).collect()
 }
@@ -42,6 +45,7 @@ pub(super) struct Results<'a> {
     pub(super) out: &'a Path,
     pub(super) json: Option<&'a Path>,
     pub(super) page: Option<&'a LivePage<'a>>,
+    pub(super) film: &'a Film,
     /// Whether a summary is told.
     pub(super) speaks: bool,
     /// What the steps took.
@@ -84,7 +88,8 @@ impl Results<'_> {
             true => String::new(),
             false => block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?,
         };
-        let page = page(fit, &outcome, &record.curves, viewer).render();
+        let film = self.film.save(self.out)?;
+        let page = page(fit, &outcome, &record.curves, [film, viewer]).render();
         let report = page.and_then(|page| page.write(self.out)).map_err(not_reported)?;
         if let Some(file) = self.json {
             say_json(file, &outcome.json(fit).to_string())?;

@@ -15,16 +15,14 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_two_pieces_mut};
 
-use super::blur;
-use super::blurs::Blurs;
 use super::frame::Frame;
-use super::front_to_back::{LensState, common};
+use super::front_to_back::{Gaps, LensState, common};
 use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
 use super::spans::{Lines, Span};
-use super::strips::{Bands, ROWS, Strip, Strips, halved};
 use super::surfaces::{Part, Parts, Row, Shown, View};
 use super::tilt;
+use crate::defocus::{Bands, Blurs, Memory, ROWS, Strip, Strips, halved, mean_weight};
 use crate::scratch::Workbench;
 use crate::size::Size;
 
@@ -51,7 +49,7 @@ pub(super) struct Bench<S> {
     parts: Parts<S>,
     lines: Lines<S>,
     link_bars: Vec<LinkBar<S>>,
-    blur: blur::Memory<S>,
+    blur: Memory<S>,
     /// The band of the picture, or its gradient.
     picture: Vec<S>,
     state: LensState<S>,
@@ -76,7 +74,7 @@ fn add_to_rung<T: Scalar>(
     strip: &mut Strip<T::Wide>,
 ) {
     let (color, alpha) = view.color(part.surface, row * frame.size.width + column);
-    let mean = frame.mean_weight(halvings, [row, column]);
+    let mean = mean_weight(frame.size, halvings, [row, column]);
     let weight = weight * part.share * T::Wide::from_f64(mean);
     let alpha = alpha.widen();
     let mut add = |[row, column]: [usize; 2], weight: T::Wide| {
@@ -104,6 +102,7 @@ fn add_to_rung<T: Scalar>(
 #[derive(Debug)]
 pub(super) struct Passes<'a, T: Scalar> {
     pub(super) blurs: &'a Blurs,
+    pub(super) gaps: &'a Gaps,
     pub(super) frame: Frame,
     pub(super) benches: &'a Workbench<Bench<T::Wide>>,
 }
@@ -116,7 +115,7 @@ impl<T: Scalar> Passes<'_, T> {
         bands: &mut [Strips<T::Wide>],
         outcomes: &mut [FillOutcome],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, frame, benches, .. } = *self;
         let halvings = &blurs.halvings;
         for_each_two_pieces_mut(bands, outcomes, [1, 1], |band, strips, outcome| {
             let strips = &mut strips[0];
@@ -175,7 +174,7 @@ impl<T: Scalar> Passes<'_, T> {
                 }
                 let rung = rung + usize::from(is_next);
                 let strip = self.strip(view, rows, rung, strips);
-                lines.add_to(self.frame, self.blurs.halvings[rung], span, is_next, strip);
+                lines.add_to(self.frame.size, self.blurs.halvings[rung], span, is_next, strip);
             }
             add_piece(&mut piece, rung as u64);
             add_piece(&mut piece, span.columns.end as u64);
@@ -214,7 +213,7 @@ impl<T: Scalar> Passes<'_, T> {
         bands: &mut [Band<T::Wide>],
         out: &mut [T],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, gaps, frame, benches } = *self;
         let channels = reference.len();
         let row = frame.shown_size().width * channels;
         for_each_two_pieces_mut(bands, out, [1, ROWS * row], |band, own, out| {
@@ -238,7 +237,7 @@ impl<T: Scalar> Passes<'_, T> {
                     for (channel, out) in strip.values.chunks_exact_mut(plane).enumerate() {
                         blur.apply(source, channel, &target, memory, out);
                     }
-                    state.add(own.blurred.as_slice(), &blurs.gaps, channels, picture);
+                    state.add(own.blurred.as_slice(), gaps, channels, picture);
                 }
                 let pixels = picture.chunks_exact(channels).zip(&state.total);
                 for (out, (picture, &total)) in out.chunks_exact_mut(channels).zip(pixels) {
@@ -250,7 +249,7 @@ impl<T: Scalar> Passes<'_, T> {
                     }
                 }
                 own.piece = match tells_piece {
-                    true => state.piece(own.blurred.as_slice(), &blurs.gaps, channels),
+                    true => state.piece(own.blurred.as_slice(), gaps, channels),
                     false => 0,
                 };
             });
@@ -264,7 +263,7 @@ impl<T: Scalar> Passes<'_, T> {
         out_bar: &[T],
         bars: &mut [Strips<T::Wide>],
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, gaps, frame, benches } = *self;
         let Size { width, height } = frame.shown_size();
         let row = out_bar.len() / height;
         let channels = row / width;
@@ -283,7 +282,7 @@ impl<T: Scalar> Passes<'_, T> {
                     shown_bars.push(strip.rung, channels + 1, place);
                 }
                 state.begin(&part);
-                state.pull_back(blurred, &blurs.gaps, picture, shown_bars.as_mut_slice());
+                state.pull_back(blurred, gaps, picture, shown_bars.as_mut_slice());
                 for from in shown_bars.as_slice() {
                     let Some([blur, _]) = blurs.blur(from.rung, frame.size) else { continue };
                     let place = [from.rows.clone(), from.columns.clone()];
@@ -307,7 +306,7 @@ impl<T: Scalar> Passes<'_, T> {
         band: usize,
         found: &mut BandBars<T::Wide>,
     ) {
-        let Self { blurs, frame, benches } = *self;
+        let Self { blurs, frame, benches, .. } = *self;
         let rows = frame.rows(band);
         found.clear(view, rows.len() * frame.size.width);
         benches.with(|bench| {

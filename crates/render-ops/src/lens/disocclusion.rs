@@ -14,10 +14,9 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::for_each_two_pieces_mut;
 
 use super::hiding::is_gap;
-use super::iris::Iris;
-use super::strips::ROWS;
 use super::surfaces::{LEAST_SHARE, Layer};
 use crate::coverage::Coverage;
+use crate::defocus::{Iris, ROWS};
 
 /// Columns in a tile, as many as its rows.
 const COLUMNS: usize = ROWS;

@@ -2,9 +2,7 @@
 
 use std::ops::Range;
 
-use super::blur::Part;
-use super::rungs::MOST_HALVINGS;
-use super::strips::ROWS;
+use crate::defocus::{Part, ROWS};
 use crate::size::Size;
 
 /// The part of the image that is shown: without the margin.
@@ -31,22 +29,4 @@ impl Frame {
         let Size { width, height } = self.size;
         Size { width: width - 2 * self.margin, height: height - 2 * self.margin }
     }
-
-    /// The share that a pixel has of a pixel of the image that is halved so often: a mean of those that there are.
-    #[inline(always)]
-    pub(super) fn mean_weight(&self, halvings: usize, [row, column]: [usize; 2]) -> f64 {
-        let (first_row, first_column) =
-            (row >> halvings << halvings, column >> halvings << halvings);
-        let side = 1 << halvings;
-        let Size { width, height } = self.size;
-        if first_row + side <= height && first_column + side <= width {
-            return MEAN_WEIGHTS[halvings];
-        }
-        let [rows, columns] = [height - first_row, width - first_column].map(|rest| rest.min(side));
-        ((rows * columns) as f64).recip()
-    }
 }
-
-/// The share of a pixel of an image that is halved so often.
-const MEAN_WEIGHTS: [f64; MOST_HALVINGS + 1] =
-    [1.0, 1.0 / 4.0, 1.0 / 16.0, 1.0 / 64.0, 1.0 / 256.0];

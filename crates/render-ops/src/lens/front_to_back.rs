@@ -31,10 +31,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::blur::Part;
 use super::hiding::gap;
-use super::rungs::Rungs;
-use super::strips::Strip;
+use crate::defocus::{Part, Rungs, Strip};
 
 /// g between all rungs.
 #[derive(Debug, Default)]

@@ -4,9 +4,9 @@
 //! What a lens sees is an integral over its points. Each surface that a pixel shows, and those close to its
 //! outlines that it hides (`disocclusion`, `hiding`), has a circle of confusion (`circles`). What does not face the
 //! lens is moved by a part of it (`tilt`). By its radius each surface is shared among a few rungs, blurs of fixed radii
-//! (`rungs`, `surfaces`; `spans` where pixels show nothing else). Each rung is blurred through the iris, its colours
-//! and its alpha (`iris`, `blur`), and the blurred rungs are put together from front to back (`front_to_back`). Each
-//! file has its formulas, and `bands` has the passes over the image.
+//! (`defocus/rungs`, `surfaces`; `spans` where pixels show nothing else). Each rung is blurred through the iris, its
+//! colours and its alpha (`defocus/iris`, `defocus/blur`), and the blurred rungs are put together from front to back
+//! (`front_to_back`). Each file has its formulas, and `bands` has the passes over the image.
 //!
 //! # Backward
 //! The same passes from last to first: each file has its own step back beside its step forward.
@@ -45,18 +45,13 @@
 //! lens is what they are measured against.
 
 mod bands;
-mod blur;
-mod blurs;
 mod circles;
 mod disocclusion;
 mod frame;
 mod front_to_back;
 mod hiding;
-mod iris;
 mod pixel_bars;
-mod rungs;
 mod spans;
-mod strips;
 mod surfaces;
 mod tilt;
 
@@ -67,17 +62,15 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, 
 use smallvec::SmallVec;
 
 use self::bands::{Band, Bench, FillOutcome, Passes, add_piece};
-use self::blurs::Blurs;
 use self::circles::Optics;
 use self::disocclusion::{Disocclusion, Visible};
 use self::frame::Frame;
-use self::iris::BLADES;
-pub use self::iris::Iris;
+use self::front_to_back::Gaps;
 use self::pixel_bars::BandBars;
-use self::strips::{Bands, ROWS, Strips};
 use self::surfaces::{Layer, View};
 use crate::background::{Background, Kind};
 use crate::coverage::Coverage;
+use crate::defocus::{Bands, Blurs, Iris, ROWS, Strips, broken_rule};
 use crate::error::RenderError;
 use crate::eye_depth::{eye_depth, eye_depth_slope};
 use crate::fragments::Fragments;
@@ -162,7 +155,8 @@ pub struct LensLayer<'a, 't, T: Scalar> {
 pub struct LensPicture<'t, T: Scalar> {
     /// The image `[H, W, C]`, without the margin.
     pub image: Var<'t, T>,
-    /// How many fragments were so far out of focus that their circle was capped, in all layers and with the margin.
+    /// How many fragments were so far out of focus that their circle was cut to the cap, in all layers and with the
+    /// margin.
     pub capped: usize,
     /// Tells on which smooth piece the inputs lie: between inputs for which it differs there is a kink.
     #[doc(hidden)]
@@ -288,21 +282,15 @@ fn check_numbers<T: Scalar>(
     }
     let [aperture, focus] = [lens.aperture, lens.focus].map(|number| number.item().to_f64());
     let largest = options.largest_radius;
-    let [least, most] = BLADES;
-    let (blades, rotation) = match options.iris {
-        Iris::Disc => (least, 0.0),
-        Iris::Polygon { blades, rotation } => (blades, rotation),
-    };
     let rules = [
         (aperture >= 0.0 && aperture.is_finite(), aperture, "a finite aperture of at least 0"),
         (focus > 0.0 && focus.is_finite(), focus, "a finite and positive focus"),
         (far > 0.0, far, "a background at a distance above 0"),
         ((0.0..=1024.0).contains(&largest), largest, "a largest radius from 0 to 1024 pixels"),
-        ((least..=most).contains(&blades), blades as f64, "an iris of 3 to 16 blades"),
-        (rotation.is_finite(), rotation, "a finite rotation of the iris"),
     ];
-    match rules.into_iter().find(|(holds, ..)| !holds) {
-        Some((_, value, rule)) => Err(RenderError::value(NAME, rule, value)),
+    let broken = rules.into_iter().find(|(holds, ..)| !holds);
+    match broken.map(|(_, value, rule)| (rule, value)).or_else(|| broken_rule(options.iris)) {
+        Some((rule, value)) => Err(RenderError::value(NAME, rule, value)),
         None => Ok(()),
     }
 }
@@ -380,6 +368,7 @@ struct DrawLens {
 #[derive(Debug)]
 struct Saved<T: Scalar> {
     blurs: Blurs,
+    gaps: Gaps,
     /// Per layer the radii of its circles.
     radii: Vec<Vec<T>>,
     disocclusion: Disocclusion,
@@ -400,6 +389,7 @@ impl<T: Scalar> Default for Saved<T> {
     fn default() -> Self {
         Self {
             blurs: Blurs::default(),
+            gaps: Gaps::default(),
             radii: Vec::new(),
             disocclusion: Disocclusion::default(),
             keeps_hidden: false,
@@ -445,7 +435,10 @@ impl DrawLens {
             write_each(radii, ENTRIES_PER_PIECE, |k| {
                 T::narrow(optics.radius(distances[k].widen()).0)
             });
-            capped += radii.iter().filter(|radius| radius.abs() >= cap).count();
+            // A circle may be as large as the cap by itself.
+            let is_capped =
+                |(radius, z): &(&T, &T)| radius.abs() >= cap && optics.radius(z.widen()).1;
+            capped += radii.iter().zip(distances).filter(is_capped).count();
         }
         capped
     }
@@ -624,16 +617,19 @@ impl<T: Scalar> Op<T> for DrawLens {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Saved<T>,
     ) -> Result<(), RenderError> {
-        let Saved { blurs, radii, disocclusion, sources, outcomes, bands, benches, .. } = saved;
+        let Saved { blurs, gaps, radii, disocclusion, sources, outcomes, bands, benches, .. } =
+            saved;
         saved.capped = self.find_radii(inputs, radii);
         saved.keeps_hidden = self.layers().any(|(first, _)| inputs.needs(first + 1));
-        blurs.reach(self.options.largest_radius, self.options.iris);
+        if blurs.reach(self.options.largest_radius, self.options.iris) {
+            gaps.update(&blurs.rungs);
+        }
         self.find_jumps(inputs, &radii[0], disocclusion);
         let (frame, shown) = (self.frame, self.frame.shown_size());
         let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);
         outcomes.resize_with(count, FillOutcome::default);
-        let passes = Passes { blurs, frame, benches };
+        let passes = Passes { blurs, gaps, frame, benches };
         self.view(
             |k| inputs.data(k),
             (blurs, radii, disocclusion, saved.keeps_hidden),
@@ -653,7 +649,7 @@ impl<T: Scalar> Op<T> for DrawLens {
         let source = Bands { bands: sources, first: 0 };
         let reference = self.reference(inputs.data(0));
         let tells_piece = self.options.tells_piece;
-        let passes = Passes { blurs, frame, benches };
+        let passes = Passes { blurs, gaps, frame, benches };
         passes.see(source, &reference, tells_piece, bands, out);
         saved.piece = 0;
         if tells_piece {
@@ -674,10 +670,10 @@ impl<T: Scalar> Op<T> for DrawLens {
         saved: &mut Saved<T>,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Saved { blurs, radii, disocclusion, sources, bands, benches, .. } = saved;
+        let Saved { blurs, gaps, radii, disocclusion, sources, bands, benches, .. } = saved;
         let (strip_bars, band_bars) = (&mut saved.strip_bars, &mut saved.band_bars);
         strip_bars.resize_with(bands.len(), Strips::default);
-        let passes = Passes { blurs, frame: self.frame, benches };
+        let passes = Passes { blurs, gaps, frame: self.frame, benches };
         passes.pull_back_seen(bands, kept.only_upstream(), strip_bars);
         band_bars.resize_with(sources.len(), BandBars::default);
         let blurs = &*blurs;

@@ -2,14 +2,13 @@
 
 use bokashi_core::Scalar;
 
-use super::blurs::Blurs;
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
 use super::spans::{Lines, Span};
-use super::strips::{ROWS, Strips, halved};
 use super::surfaces::{Layer, Part, Parts, Share, View};
 use super::tilt::{self, TiltBar};
 use crate::background::Kind;
+use crate::defocus::{Blurs, ROWS, Strips, halved, mean_weight};
 use crate::runs::Run;
 
 /// Gradients of a layer's fragments at pixel centres, by the pixels of a band.
@@ -115,7 +114,7 @@ impl<S: Scalar> BandBars<S> {
             }
             lines.read(view, span, rung);
             for (k, strip) in strips.into_iter().enumerate() {
-                lines.read_bars(frame, blurs.halvings[rung + k], span, k == 1, strip);
+                lines.read_bars(frame.size, blurs.halvings[rung + k], span, k == 1, strip);
             }
             lines.mix(view.reference, is_in_focus);
             self.add_lines(view, span, lines);
@@ -232,7 +231,7 @@ impl<S: Scalar> BandBars<S> {
             }
             let Some(strip) = strip else { continue };
             let halvings = blurs.halvings[rung + k];
-            let mean = S::from_f64(frame.mean_weight(halvings, [row, column]));
+            let mean = S::from_f64(mean_weight(frame.size, halvings, [row, column]));
             let [x, y] = &mut self.moved[k];
             let mut add = |[row, column]: [usize; 2], weights: [S; 3]| {
                 let Some(offset) = strip.held_offset(row, column) else { return };

@@ -6,10 +6,10 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::frame::Frame;
 use super::hiding::Surface;
-use super::strips::Strip;
 use super::surfaces::View;
+use crate::defocus::{Strip, mean_weight};
+use crate::size::Size;
 
 /// Neighbouring pixels of a row that show one surface as a whole.
 #[derive(Debug, Clone)]
@@ -123,7 +123,7 @@ impl<S: Scalar> Lines<S> {
     #[inline(always)]
     pub(super) fn add_to(
         &mut self,
-        frame: Frame,
+        size: Size,
         halvings: usize,
         span: &Span,
         is_next: bool,
@@ -138,7 +138,7 @@ impl<S: Scalar> Lines<S> {
         let (start, plane) = (strip.offset(span.row >> halvings, ends[0]), strip.plane());
         if halvings > 0 {
             for (weight, column) in weights.iter_mut().zip(span.columns.clone()) {
-                *weight *= S::from_f64(frame.mean_weight(halvings, [span.row, column]));
+                *weight *= S::from_f64(mean_weight(size, halvings, [span.row, column]));
             }
         }
         for (line, plane) in values.chunks_exact(count).zip(strip.values.chunks_exact_mut(plane)) {
@@ -159,7 +159,7 @@ impl<S: Scalar> Lines<S> {
     #[inline(always)]
     pub(super) fn read_bars(
         &mut self,
-        frame: Frame,
+        size: Size,
         halvings: usize,
         span: &Span,
         is_next: bool,
@@ -182,7 +182,7 @@ impl<S: Scalar> Lines<S> {
                 continue;
             }
             for (to, column) in line.iter_mut().zip(span.columns.clone()) {
-                let mean = frame.mean_weight(halvings, [span.row, column]);
+                let mean = mean_weight(size, halvings, [span.row, column]);
                 let index = (column >> halvings) - (span.columns.start >> halvings);
                 *to = S::from_f64(mean) * from[index];
             }

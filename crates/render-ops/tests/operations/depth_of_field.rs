@@ -2,8 +2,9 @@
 
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Blur, DepthImage, Focused, Lens, LensOptions, Radius, RenderError, depth_of_field,
-    gaussian_blur,
+    Background, Blur, DepthImage, Focused, Iris, Lens, LensLayer, LensOptions, Mesh, Radius,
+    RenderError, Size, ThinLens, ThinLensOptions, composite, depth_of_field, gaussian_blur,
+    lens_picture, rasterize,
 };
 
 const SHAPE: [usize; 3] = [6, 9, 2];
@@ -214,7 +215,7 @@ fn near_the_eye_the_blur_is_capped_and_counted() {
 #[test]
 fn a_pixel_at_infinity_has_no_gradient_in_its_depth() {
     for radius in WAYS {
-        let options = LensOptions { radius, largest_sigma: 5.0 };
+        let options = LensOptions { radius, largest_sigma: 5.0, iris: None };
         let tape = Tape::new();
         let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
         let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
@@ -222,5 +223,71 @@ fn a_pixel_at_infinity_has_no_gradient_in_its_depth() {
         assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
         let depth_bar = tape.vjp(&[(found.image, &upstream())]).unwrap().get_or_zeros(depth);
         assert!(depth_bar.is_finite() && depth_bar.data()[20] == 0.0);
+    }
+}
+
+const IRISES: [Iris; 3] = [
+    Iris::Disc,
+    Iris::Polygon { blades: 3, rotation: 0.4 },
+    Iris::Polygon { blades: 6, rotation: 0.0 },
+];
+
+#[test]
+fn a_wall_through_an_iris_is_what_a_lens_sees_of_it() {
+    let size = Size { width: 37, height: 34 };
+    let count = size.pixels();
+    let colors = Tensor::<f64>::from_flat_fn([count, 2], |k| ((k * 7919) % 1009) as f64 / 1009.0);
+    // Circles below a pixel, of a few on both sides of the focus, and so wide that they are drawn at half the size.
+    for (depth, aperture) in [(2.9, 2.0), (1.5, 2.1), (9.0, 3.3), (1.0, 4.1), (f64::INFINITY, 9.0)]
+    {
+        for iris in IRISES {
+            let tape = Tape::<f64>::new();
+            let corners = [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
+            let clip = tape.constant(&Tensor::new([3, 4], corners.to_vec()).unwrap());
+            let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+            let fragments = rasterize(clip, &mesh, size).unwrap();
+            let colors = tape.leaf(&colors);
+            let layer = LensLayer {
+                fragments: &fragments,
+                premultiplied: colors,
+                alpha: tape.constant(&Tensor::full([count], 1.0)),
+                distance: tape.constant(&Tensor::full([count], depth)),
+            };
+            let focus = tape.leaf_scalar(3.0);
+            let lens = ThinLens { aperture: tape.leaf_scalar(2.0 * aperture), focus };
+            let options = ThinLensOptions { iris, ..ThinLensOptions::default() };
+            let seen =
+                lens_picture(layer, &[layer], Background::Zero, f64::INFINITY, lens, &options);
+            let expected = seen.unwrap().image;
+
+            let sharp = composite(colors, &fragments, Background::Zero).unwrap();
+            let image = sharp.image().unwrap();
+            let distances = DepthImage::from_distances(tape.leaf(&Tensor::full([34, 37], depth)));
+            let own = Lens { aperture: tape.leaf_scalar(aperture), focus };
+            let options = LensOptions { iris: Some(iris), ..LensOptions::default() };
+            let found = depth_of_field(image, distances, own, &options).unwrap().image;
+            assert_close(&found.value(), &expected.value(), 1e-12);
+
+            let upstream = Tensor::from_flat_fn([34, 37, 2], |k| ((k * 31) % 101) as f64 - 50.0);
+            let gradients = tape.vjp(&[(found, &upstream)]).unwrap();
+            let others = tape.vjp(&[(expected, &upstream)]).unwrap();
+            assert_close(gradients.get(colors).unwrap(), others.get(colors).unwrap(), 1e-10);
+            let slope = 2.0 * others.get(lens.aperture).unwrap().item();
+            let found = gradients.get(own.aperture).unwrap().item();
+            assert!((found - slope).abs() < 1e-8 * (1.0 + slope.abs()), "{found}, {slope}");
+        }
+    }
+}
+
+#[test]
+fn what_an_iris_sees_in_focus_stays_as_it_is_to_the_bit() {
+    let mut depth = depths();
+    (0..54).step_by(3).for_each(|k| depth.data_mut()[k] = 3.0);
+    for iris in IRISES {
+        let options = LensOptions { iris: Some(iris), ..LensOptions::default() };
+        let (found, ..) = focused(&image(1), &depth, [2.0, 3.0], &options);
+        for k in (0..54).step_by(3) {
+            assert_eq!(found.data()[2 * k..][..2], image(1).data()[2 * k..][..2]);
+        }
     }
 }

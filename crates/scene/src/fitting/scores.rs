@@ -98,6 +98,44 @@ impl SceneFit {
     /// # Errors
     /// As [`SceneFit::score`].
     pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
+        let all = self.drawn(view, 1)?;
+        let image = colors(&all);
+        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
+        if self.scene().views[view].image.is_none() {
+            return Ok(SeenView { score, image, target: None });
+        }
+        let target = self.target(view, 1)?;
+        score.psnr = Some(psnr(&image, &target, 1.0).map_err(FitError::from)?);
+        // Images smaller than a window have none.
+        score.ssim = ssim(&image, &target, 1.0).ok();
+        if let Some(mask) = self.targets.mask(view)? {
+            let shape = mask.shape().clone();
+            let target_mask = mask.data();
+            let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
+            let expected = Mask::from_flat_fn(&shape, |k| target_mask[k] > 0.5);
+            score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
+        }
+        Ok(SeenView { score, image, target: Some(target) })
+    }
+
+    /// A view as it is seen, smaller `reduce` times along each axis: `[H, W, 3]`, as pixels stand for it.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn picture(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
+        Ok(colors(&self.drawn(view, reduce)?))
+    }
+
+    /// What a view is compared with, as [`SceneFit::picture`] has it.
+    ///
+    /// # Errors
+    /// What is wrong with the image, and for a view without one.
+    pub fn target(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
+        Ok(colors(&self.targets.get(view, reduce)?.image))
+    }
+
+    /// A view as it is seen, with a fourth channel that is 1 where the objects are.
+    fn drawn(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
         let tape = Tape::new();
         let mut still = self.fit.parameters().clone();
         for LearntRate { name, .. } in &self.rates {
@@ -105,25 +143,14 @@ impl SceneFit {
         }
         let variables = still.record(&tape);
         let values = Values { tape: &tape, learnt: Some(&variables) };
-        let drawn = self.renderer.draw(&values, view, 1, true)?;
-        let all = self.renderer.image(&values, &drawn, 1)?;
-        let image = all.slice(2, 0..3).map_err(FitError::from)?.value();
-        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
-        if self.scene().views[view].image.is_none() {
-            return Ok(SeenView { score, image, target: None });
-        }
-        let target = self.targets.get(view, 1)?;
-        let colors = tape.constant(&target.image).slice(2, 0..3).map_err(FitError::from)?.value();
-        score.psnr = Some(psnr(&image, &colors, 1.0).map_err(FitError::from)?);
-        // Images smaller than a window have none.
-        score.ssim = ssim(&image, &colors, 1.0).ok();
-        if let Some(mask) = self.targets.mask(view)? {
-            let shape = mask.shape().clone();
-            let (target_mask, all) = (mask.data(), all.value());
-            let covered = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
-            let expected = Mask::from_flat_fn(&shape, |k| target_mask[k] > 0.5);
-            score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
-        }
-        Ok(SeenView { score, image, target: Some(colors) })
+        let drawn = self.renderer.draw(&values, view, reduce, true)?;
+        Ok(self.renderer.image(&values, &drawn, reduce)?.value())
     }
+}
+
+/// The first three channels.
+fn colors(image: &Tensor<f32>) -> Tensor<f32> {
+    let [height, width, channels] = [0, 1, 2].map(|axis| image.shape()[axis]);
+    let entry = |k: usize| image.data()[k / 3 * channels + k % 3];
+    Tensor::from_flat_fn([height, width, 3], entry)
 }

@@ -63,6 +63,16 @@ impl<'t> Drawn<'t> {
         self.lens.is_none()
     }
 
+    /// How many circles of confusion its lens cuts to the largest one.
+    pub(crate) fn capped(&self) -> Result<usize, RenderError> {
+        match &self.lens {
+            Some((lens, behind)) if lens.may_cap => {
+                Ok(lens.picture(&self.visible, behind, self.background)?.capped)
+            }
+            _ => Ok(0),
+        }
+    }
+
     /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
     ///
     /// # Errors
@@ -402,7 +412,7 @@ impl Renderer {
             return Ok(drawn.light()?.map(|light| self.toned(light))?.image()?);
         }
         let mut image = match &drawn.lens {
-            Some((lens, behind)) => lens.image(&drawn.visible, behind, drawn.background)?,
+            Some((lens, behind)) => lens.picture(&drawn.visible, behind, drawn.background)?.image,
             None => drawn.light()?.image()?,
         };
         let pipeline = &self.scene.description.pipeline;

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Fragments, Iris, LensLayer, RenderError, Size, ThinLens, ThinLensOptions,
-    lens_picture,
+    Background, Fragments, Iris, LensLayer, LensPicture, RenderError, Size, ThinLens,
+    ThinLensOptions, lens_picture,
 };
 
 use super::margin::{Surroundings, margin};
@@ -20,6 +20,8 @@ use crate::scene::Scene;
 pub(super) struct StepLens<'t> {
     lens: ThinLens<'t, f32>,
     options: ThinLensOptions,
+    /// Whether it may have circles of confusion that are cut to the largest one.
+    pub(super) may_cap: bool,
     /// How many hidden surfaces are drawn.
     pub(super) surfaces: usize,
 }
@@ -62,7 +64,7 @@ impl<'t> StepLens<'t> {
             rotation: iris.rotation.map_or(0.0, |degrees| degrees.0.to_radians()),
         });
         let options = ThinLensOptions { largest_radius: largest * share, iris, ..usual };
-        Ok(Some(Self { lens, options, surfaces: entry.surface_count() }))
+        Ok(Some(Self { lens, options, may_cap: false, surfaces: entry.surface_count() }))
     }
 
     /// The lens with the margin that it needs around an image of `size`: what these faces in clip space have
@@ -84,9 +86,10 @@ impl<'t> StepLens<'t> {
         };
         let distances = Surroundings::new(size, corner * largest, near).distances(clip, faces);
         // Circles grow from the focus towards both ends.
-        let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs().min(largest);
-        self.options.margin =
-            distances.map_or(0, |[least, most]| margin(corner * radius(least).max(radius(most))));
+        let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs();
+        let radius = distances.map(|[least, most]| radius(least).max(radius(most)));
+        self.may_cap = radius.is_some_and(|radius| radius > largest);
+        self.options.margin = radius.map_or(0, |radius| margin(corner * radius.min(largest)));
         self
     }
 
@@ -109,17 +112,17 @@ impl<'t> StepLens<'t> {
         Ok(clip.try_mul(clip.tape().constant(&Tensor::from([row])))?)
     }
 
-    /// The image, `[H, W, C]`, of what is visible and of the layers behind, before a background far away.
-    pub(super) fn image(
+    /// The picture of what is visible and of the layers behind, before a background far away.
+    pub(super) fn picture(
         &self,
         visible: &Layer<'t>,
         behind: &[Layer<'t>],
         background: Background<'t, f32>,
-    ) -> Result<Var<'t, f32>, RenderError> {
+    ) -> Result<LensPicture<'t, f32>, RenderError> {
         let behind = behind.iter().map(Layer::seen).collect::<Result<Vec<_>, _>>()?;
         let far = f64::INFINITY;
         let visible = visible.seen()?;
-        Ok(lens_picture(visible, &behind, background, far, self.lens, &self.options)?.image)
+        lens_picture(visible, &behind, background, far, self.lens, &self.options)
     }
 }
 

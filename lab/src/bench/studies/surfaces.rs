@@ -9,8 +9,8 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Parameter, Parameters, Pipeline, mean_squared_error, views,
 };
 use bokashi_render_ops::{
-    Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Material, Radius, Sampler, Surface,
-    Texture, TextureFilter, depth_of_field, gaussian_blur, sample_texture, shade,
+    Blur, Cull, DepthImage, Detail, Iris, Lens, LensOptions, Light, Material, Radius, Sampler,
+    Surface, Texture, TextureFilter, depth_of_field, gaussian_blur, sample_texture, shade,
 };
 use bokashi_report::{Cell, Section, Table};
 use glam::{DMat4, DVec3};
@@ -25,10 +25,15 @@ use crate::bench::setting::Bench;
 /// The largest standard deviation of the lens, in pixels, and that of the blur beside it.
 const APERTURE: f64 = 6.0;
 
-/// A lens within `tolerance` of an image, distances, aperture and focus.
-fn through_lens<'t, T: Scalar>(v: &[Var<'t, T>], tolerance: f64) -> Result<Var<'t, T>, FitError> {
+/// A lens of an image, distances, aperture and focus: Gaussian within `tolerance`, or through an iris.
+fn through_lens<'t, T: Scalar>(
+    v: &[Var<'t, T>],
+    tolerance: f64,
+    iris: Option<Iris>,
+) -> Result<Var<'t, T>, FitError> {
     let lens = Lens { aperture: v[2], focus: v[3] };
-    let options = LensOptions { radius: Radius::Tolerance(tolerance), ..LensOptions::default() };
+    let radius = Radius::Tolerance(tolerance);
+    let options = LensOptions { radius, iris, ..LensOptions::default() };
     Ok(depth_of_field(v[0], DepthImage::from_distances(v[1]), lens, &options)?.image)
 }
 
@@ -105,8 +110,14 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
     });
     let lens = [Tensor::scalar(APERTURE), Tensor::scalar(2.0)];
     let inputs = [&image, &distances, &lens[0], &lens[1]];
-    add("depth_of_field, aperture 6, tolerance 1e-2", &inputs, |_, v| through_lens(v, 1e-2));
-    add("depth_of_field, aperture 6, tolerance 1e-3", &inputs, |_, v| through_lens(v, 1e-3));
+    add("depth_of_field, aperture 6, tolerance 1e-2", &inputs, |_, v| through_lens(v, 1e-2, None));
+    add("depth_of_field, aperture 6, tolerance 1e-3", &inputs, |_, v| through_lens(v, 1e-3, None));
+    add("depth_of_field, aperture 6, a disc", &inputs, |_, v| {
+        through_lens(v, 1e-3, Some(Iris::Disc))
+    });
+    add("depth_of_field, aperture 6, six blades", &inputs, |_, v| {
+        through_lens(v, 1e-3, Some(Iris::Polygon { blades: 6, rotation: 0.0 }))
+    });
     all
 }
 

@@ -90,6 +90,10 @@ fn a_fit_names_its_worst_views_and_says_that_its_loss_still_fell() {
     let [inspected, _] = ended(folder, &["inspect", "a<b&c/scene.toml"], 0);
     assert!(inspected.contains("keep the cameras of the scene's file"), "{inspected}");
     let page = fs::read_to_string(folder.join("out/index.html")).unwrap();
+    // Of 84 steps a frame before the first, and one after every sixth.
+    let film = fs::read(folder.join("out/views/film.png")).unwrap();
+    let control = film.windows(8).find(|bytes| bytes.starts_with(b"acTL")).unwrap();
+    assert!(control[4..] == 15_u32.to_be_bytes() && page.contains("src=\"views/film.png\""));
     assert!(page.contains("<title>Bokashi: a&lt;b&amp;c/scene.toml</title>"));
     assert!(page.contains("<h1>a&lt;b&amp;c/scene.toml</h1>"));
     for words in ["The loss still fell by ", worst.split(' ').next().unwrap(), is_said.trim()] {
@@ -181,7 +185,8 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     for address in page.split("src=\"").skip(1).filter_map(|rest| rest.split_once('"')) {
         assert!(out.read(address.0).is_ok(), "{}", address.0);
     }
-    assert_eq!(page.matches("<img ").count(), 15);
+    // Three of each view, and the film.
+    assert_eq!(page.matches("<img ").count(), 16);
 }
 
 #[test]

@@ -219,6 +219,38 @@ fn edges_that_a_lens_bends_are_said_in_pixels() {
 }
 
 #[test]
+fn circles_of_confusion_that_are_cut_are_noted_once() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let view = |name: &str, aperture: f64| {
+        format!(
+            "[[views]]\nname = {name:?}\nlens = {{ aperture = {aperture:.1} }}\n\
+             camera = {{ size = [32, 24], focal = 30, position = [0, 0, 4] }}\n"
+        )
+    };
+    // Half of an aperture at this distance.
+    let scene = |apertures: [f64; 2], key: &str| {
+        let views = [view("a", apertures[0]), view("b", apertures[1])].concat();
+        format!(
+            "[[meshes]]\nshape = \"plane\"\nplace = {{ scale = 1.0 }}\n{views}\
+             [pipeline.lens]\naperture = 1.0\nfocus = 2.0\n{key}"
+        )
+    };
+    write(folder, "cut.toml", scene([140.0, 120.0], ""));
+    for words in [&["inspect", "cut.toml"][..], &["render", "cut.toml", "--out", "out"]] {
+        let told = said(folder, words);
+        let rule =
+            " circles of confusion, most of them in view \"a\", are cut to `largest_radius` of ";
+        assert_eq!(told.matches(rule).count(), 1, "{told}");
+    }
+    for (apertures, key) in [([120.0; 2], ""), ([140.0; 2], "largest_radius = 80\n")] {
+        write(folder, "fine.toml", scene(apertures, key));
+        let told = said(folder, &["inspect", "fine.toml"]);
+        assert!(!told.contains("largest_radius"), "{told}");
+    }
+}
+
+#[test]
 fn without_images_there_is_a_view_to_render() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

@@ -28,7 +28,7 @@ const COLUMNS: usize = 8 * BLOCK;
 
 /// Memory for a blur.
 #[derive(Debug, Default)]
-pub(super) struct Memory<T> {
+pub(crate) struct Memory<T> {
     sums: Vec<T>,
     /// Images of one channel: of a blur, and twice as large.
     images: [Vec<T>; 2],
@@ -54,20 +54,20 @@ impl<T: Scalar> Memory<T> {
 
 /// A blur of a rung.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Blur<'a> {
-    pub(super) rung: usize,
+pub(crate) struct Blur<'a> {
+    pub(crate) rung: usize,
     /// The size of the image, before it is halved.
-    pub(super) size: Size,
-    pub(super) halvings: usize,
-    pub(super) weights: &'a Weights,
+    pub(crate) size: Size,
+    pub(crate) halvings: usize,
+    pub(crate) weights: &'a Weights,
 }
 
 /// Rows and columns.
-pub(super) type Part = [Range<usize>; 2];
+pub(crate) type Part = [Range<usize>; 2];
 
 impl Blur<'_> {
     /// The size that it works at.
-    pub(super) fn small_size(&self) -> Size {
+    pub(crate) fn small_size(&self) -> Size {
         halved(self.size, self.halvings)
     }
 
@@ -85,12 +85,12 @@ impl Blur<'_> {
     }
 
     /// The part at the rung's size that a part of the image has gradients for.
-    pub(super) fn small_part(&self, part: &Part) -> Part {
+    pub(crate) fn small_part(&self, part: &Part) -> Part {
         self.smaller_part(part, self.halvings)
     }
 
     /// The columns of the image that see something of a rung, for some of its rows.
-    pub(super) fn columns_in_sight<T: Scalar>(
+    pub(crate) fn columns_in_sight<T: Scalar>(
         &self,
         source: Bands<'_, T>,
         rows: &Range<usize>,
@@ -113,7 +113,7 @@ impl Blur<'_> {
     }
 
     /// Whether some rows at the rung's size see nothing of it.
-    pub(super) fn is_out_of_sight<T: Scalar>(
+    pub(crate) fn is_out_of_sight<T: Scalar>(
         &self,
         source: Bands<'_, T>,
         rows: &Range<usize>,
@@ -123,7 +123,7 @@ impl Blur<'_> {
     }
 
     /// Blurs a channel of a rung into a part of the image.
-    pub(super) fn apply<S: Scalar>(
+    pub(crate) fn apply<S: Scalar>(
         &self,
         source: Bands<'_, S>,
         channel: usize,
@@ -156,7 +156,7 @@ impl Blur<'_> {
     }
 
     /// `out = N D^T .. D^T image`: from a part of the image to [`Blur::small_part`] of it.
-    pub(super) fn pull_back_size<T: Scalar>(
+    pub(crate) fn pull_back_size<T: Scalar>(
         &self,
         image: &[T],
         part: &Part,
@@ -201,7 +201,7 @@ impl Blur<'_> {
     }
 
     /// `out = K source`, of a part at the rung's size.
-    pub(super) fn convolve<S: Scalar>(
+    pub(crate) fn convolve<S: Scalar>(
         &self,
         source: Bands<'_, S>,
         channel: usize,
@@ -448,12 +448,8 @@ mod tests {
     fn blurs() -> Vec<(usize, [Weights; 2])> {
         let irises = [Iris::Disc, Iris::Polygon { blades: 5, rotation: 0.3 }];
         let all = irises.into_iter().flat_map(|iris| {
-            [(0, 0.0), (0, 0.03), (0, 2.1), (1, 5.0), (2, 4.1), (4, 3.0)].map(
-                |(halvings, variance)| {
-                    let weights = [false, true].map(|turned| Weights::new(iris, variance, turned));
-                    (halvings, weights)
-                },
-            )
+            [(0, 0.0), (0, 0.03), (0, 2.1), (1, 5.0), (2, 4.1), (4, 3.0)]
+                .map(|(halvings, variance)| (halvings, Weights::pair(iris, variance)))
         });
         all.collect()
     }

@@ -2,8 +2,8 @@
 //!
 //! # Forward
 //! Rung m has the signed radius `rho_m = 3 sinh(0.08 m)`: the same in every step of a fit, a quarter of a pixel apart
-//! near the focus, and a twelfth of the radius far from it. Half as many leave gradients ragged on slopes. What has a circle of radius s between
-//! `rho_k` and `rho_(k+1)` is shared among both: `1 - t` to rung k and t to rung k + 1, with
+//! near the focus, and a twelfth of the radius far from it. Half as many leave gradients ragged on slopes. What has a
+//! circle of radius s between `rho_k` and `rho_(k+1)` is shared among both: `1 - t` to rung k and t to rung k + 1, with
 //! `t = (s^2 - rho_k^2) / (rho_(k+1)^2 - rho_k^2)`. So its second moment is that of a disc of radius s. Rung 0
 //! is the picture itself, and around it t grows with the square of s, as it should.
 //!
@@ -17,7 +17,7 @@ use bokashi_core::Scalar;
 
 /// The radii of all rungs up to the largest circle.
 #[derive(Debug, Default)]
-pub(super) struct Rungs {
+pub(crate) struct Rungs {
     /// From the most negative on: those of the rungs `-most..=most`.
     radii: Vec<f64>,
     most: i32,
@@ -29,12 +29,12 @@ pub(super) struct Rungs {
 
 /// Between which rungs a circle lies.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Position<S> {
+pub(crate) struct Position<S> {
     /// The rung before it, from the nearest on, counted from 0.
-    pub(super) rung: usize,
+    pub(crate) rung: usize,
     /// The share of the next rung, and its derivative by the radius.
-    pub(super) next: S,
-    pub(super) slope: S,
+    pub(crate) next: S,
+    pub(crate) slope: S,
 }
 
 const FIRST_STEP: f64 = 0.08;
@@ -46,11 +46,11 @@ const BINS: f64 = 8.0;
 /// 8 on, a picture's slope by the aperture lost up to a fifth of its size.
 const HALVED_FROM: f64 = 6.0;
 /// How often an image is halved at most: a band of rows can be.
-pub(super) const MOST_HALVINGS: usize = 4;
+pub(crate) const MOST_HALVINGS: usize = 4;
 
 impl Rungs {
     /// The rungs for circles of at most `largest` pixels.
-    pub(super) fn reach(&mut self, largest: f64) {
+    pub(crate) fn reach(&mut self, largest: f64) {
         let most = (1.0 + ((largest / SCALE).asinh() / FIRST_STEP).ceil()) as i32;
         if most == self.most {
             return;
@@ -73,18 +73,18 @@ impl Rungs {
     }
 
     /// How many there are.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.radii.len()
     }
 
     /// The signed radius of a rung, counted from 0.
-    pub(super) fn radius(&self, rung: usize) -> f64 {
+    pub(crate) fn radius(&self, rung: usize) -> f64 {
         self.radii[rung]
     }
 
     /// How often the image is halved for a rung, and the variance per axis of the blur that is left for its
     /// iris, in pixels of that size: halving and doubling have the variance of a pixel of the larger image.
-    pub(super) fn halvings(&self, rung: usize) -> (usize, f64) {
+    pub(crate) fn halvings(&self, rung: usize) -> (usize, f64) {
         let radius = self.radii[rung];
         let smaller = |(count, variance): &(usize, f64)| Some((count + 1, 0.25 * (variance - 1.0)));
         let mut sizes = std::iter::successors(Some((0, 0.25 * radius * radius)), smaller);
@@ -96,7 +96,7 @@ impl Rungs {
 
     /// Where a circle of signed radius `s` lies.
     #[inline]
-    pub(super) fn locate<S: Scalar>(&self, s: S) -> Position<S> {
+    pub(crate) fn locate<S: Scalar>(&self, s: S) -> Position<S> {
         let radius = s.to_f64();
         let bin = ((radius - self.radii[0]) * BINS) as usize;
         let mut rung = usize::from(self.bins[bin.min(self.bins.len() - 1)]);
@@ -110,7 +110,7 @@ impl Rungs {
 
     /// Where a circle of signed radius `s` lies behind a rung.
     #[inline(always)]
-    pub(super) fn position<S: Scalar>(&self, rung: usize, s: S) -> Position<S> {
+    pub(crate) fn position<S: Scalar>(&self, rung: usize, s: S) -> Position<S> {
         let [own, scale] = self.squares[rung].map(S::from_f64);
         let next = (s * s - own) * scale;
         Position { rung, next, slope: S::from_f64(2.0) * s * scale }

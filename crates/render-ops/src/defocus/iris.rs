@@ -44,7 +44,7 @@ pub enum Iris {
 impl Iris {
     /// How far its corners reach, in radii of the disc of the same variance: that of a polygon of circumradius c
     /// is `c^2 (2 + cos(2 pi / n)) / 12`, that of a disc `r^2 / 4`.
-    pub(super) fn reach(self) -> f64 {
+    pub(crate) fn reach(self) -> f64 {
         match self {
             Self::Disc => 1.0,
             Self::Polygon { blades, .. } => (3.0 / (2.0 + (TAU / blades as f64).cos())).sqrt(),
@@ -52,16 +52,26 @@ impl Iris {
     }
 }
 
-/// The sides that an iris may have.
-pub(super) const BLADES: [usize; 2] = [3, 16];
+/// The rule that an iris breaks, if any, and its value.
+pub(crate) fn broken_rule(iris: Iris) -> Option<(&'static str, f64)> {
+    match iris {
+        Iris::Polygon { blades, .. } if !(3..=16).contains(&blades) => {
+            Some(("an iris of 3 to 16 blades", blades as f64))
+        }
+        Iris::Polygon { rotation, .. } if !rotation.is_finite() => {
+            Some(("a finite rotation of the iris", rotation))
+        }
+        _ => None,
+    }
+}
 
 /// A change of weight down a column of pixels, as a look-up of running sums; or a weight.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LookUp {
+pub(crate) struct LookUp {
     /// Rows and columns from the pixel's own.
-    pub(super) row: isize,
-    pub(super) column: isize,
-    pub(super) weight: f64,
+    pub(crate) row: isize,
+    pub(crate) column: isize,
+    pub(crate) weight: f64,
 }
 
 /// The reach up to which pixels are looked up.
@@ -69,24 +79,29 @@ const DIRECT: usize = 2;
 
 /// The weights of a blur.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Weights {
+pub(crate) struct Weights {
     /// How many pixels it reaches beyond its own.
-    pub(super) reach: usize,
-    pub(super) look_ups: Vec<LookUp>,
+    pub(crate) reach: usize,
+    pub(crate) look_ups: Vec<LookUp>,
     /// Whether pixels are looked up, and not sums of those above.
-    pub(super) is_direct: bool,
+    pub(crate) is_direct: bool,
     /// `[2 reach + 2, 2 reach + 2]`: the sum of all weights above and to the left.
     sums: Vec<f64>,
 }
 
 impl Weights {
-    /// Those of an iris, of a variance per axis in pixels; upside down, where `is_turned`.
-    pub(super) fn new(iris: Iris, variance: f64, is_turned: bool) -> Self {
+    /// Those of an iris, of a variance per axis in pixels; and those of the iris upside down.
+    pub(crate) fn pair(iris: Iris, variance: f64) -> [Self; 2] {
         let (reach, values) = match iris {
             _ if variance <= 0.0 => (0, vec![1.0]),
             Iris::Disc => disc(variance),
             Iris::Polygon { blades, rotation } => polygon(blades, rotation, variance),
         };
+        [false, true].map(|is_turned| Self::new(reach, &values, is_turned))
+    }
+
+    /// Those of some values row by row; from the last to the first, where `is_turned`.
+    fn new(reach: usize, values: &[f64], is_turned: bool) -> Self {
         let side = 2 * reach + 1;
         let last = side * side - 1;
         let weight = |row: usize, column: usize| {
@@ -121,7 +136,7 @@ impl Weights {
     }
 
     /// The sum of the weights of those pixels beside `[row, column]` that lie in an image of this size.
-    pub(super) fn sum_inside(&self, [row, column]: [usize; 2], size: Size) -> f64 {
+    pub(crate) fn sum_inside(&self, [row, column]: [usize; 2], size: Size) -> f64 {
         let (reach, stride) = (self.reach, 2 * self.reach + 2);
         let range = |index: usize, extent: usize| {
             [reach.saturating_sub(index), (reach + extent - index).min(stride - 1)]
@@ -149,15 +164,25 @@ fn disc(variance: f64) -> (usize, Vec<f64>) {
 
 /// The same of a polygon.
 fn polygon(blades: usize, rotation: f64, variance: f64) -> (usize, Vec<f64>) {
-    // The variance grows with the polygon: halves of an interval that holds the wanted one. The corners lie at
-    // most twice as far away as the rim of a disc, those of a triangle.
-    let (mut low, mut high) = (0.0, 2.0 * (2.0 * variance.sqrt() + 1.0));
-    while high - low > 4.0 * f64::EPSILON * high {
-        let middle = 0.5 * (low + high);
-        let is_wide = variance_of(&covered(blades, rotation, middle)) > variance;
-        *(if is_wide { &mut high } else { &mut low }) = middle;
+    let excess = |radius: f64| variance_of(&covered(blades, rotation, radius)) - variance;
+    // The variance grows with the polygon: parts of an interval that holds the wanted one, by secants (the Illinois
+    // algorithm). The corners lie at most twice as far away as the rim of a disc, those of a triangle.
+    let most = 2.0 * (2.0 * variance.sqrt() + 1.0);
+    let [mut before, mut last] = [[0.0, -variance], [most, excess(most)]];
+    while (last[0] - before[0]).abs() > 4.0 * f64::EPSILON * last[0] && last[1] != 0.0 {
+        let next = last[0] - last[1] * (last[0] - before[0]) / (last[1] - before[1]);
+        let found = [next, excess(next)];
+        if (found[1] < 0.0) != (last[1] < 0.0) {
+            before = last;
+        } else {
+            before[1] *= 0.5;
+        }
+        if next == last[0] {
+            break;
+        }
+        last = found;
     }
-    covered(blades, rotation, low.max(f64::MIN_POSITIVE))
+    covered(blades, rotation, last[0].max(f64::MIN_POSITIVE))
 }
 
 /// The variance per axis of some weights: the mean of both.
@@ -180,13 +205,14 @@ fn covered(blades: usize, rotation: f64, radius: f64) -> (usize, Vec<f64>) {
     let whole = area(&corners);
     let side = 2 * reach + 1;
     let first = -(reach as f64) - 0.5;
-    let (mut values, mut strip, mut pixel) = (vec![0.0; side * side], Vec::new(), Vec::new());
+    let mut values = vec![0.0; side * side];
+    let [mut strip, mut pixel, mut memory] = [const { Vec::new() }; 3];
     for row in 0..side {
         let top = first + row as f64;
-        cut(&corners, [top, top + 1.0], 1, &mut strip);
+        cut(&corners, [top, top + 1.0], 1, [&mut strip, &mut memory]);
         for column in 0..side {
             let left = first + column as f64;
-            cut(&strip, [left, left + 1.0], 0, &mut pixel);
+            cut(&strip, [left, left + 1.0], 0, [&mut pixel, &mut memory]);
             // A pixel inside has the same weight as its neighbours, to the last bit.
             let share = area(&pixel);
             let is_inside = share > 1.0 - 1e-12;
@@ -202,12 +228,13 @@ fn area(corners: &[[f64; 2]]) -> f64 {
     0.5 * corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>()
 }
 
-/// What of a convex polygon lies between two lines across an axis.
-fn cut(corners: &[[f64; 2]], lines: [f64; 2], axis: usize, kept: &mut Vec<[f64; 2]>) {
+/// What of a convex polygon lies between two lines across an axis; `all` is memory.
+fn cut(corners: &[[f64; 2]], lines: [f64; 2], axis: usize, [kept, all]: [&mut Vec<[f64; 2]>; 2]) {
     kept.clear();
     kept.extend_from_slice(corners);
     for (line, side) in lines.into_iter().zip([1.0, -1.0]) {
-        let all = std::mem::take(kept);
+        std::mem::swap(kept, all);
+        kept.clear();
         for (k, &a) in all.iter().enumerate() {
             let b = all[(k + 1) % all.len()];
             let [from, to] = [a, b].map(|point| side * (point[axis] - line));
@@ -254,7 +281,7 @@ mod tests {
     fn weights_sum_to_one_and_have_the_variance_of_a_disc() {
         for iris in IRISES {
             for radius in [0.05, 0.36, 1.0, 2.9, 7.8] {
-                let weights = Weights::new(iris, 0.25 * radius * radius, false);
+                let [weights, _] = Weights::pair(iris, 0.25 * radius * radius);
                 let (mut sum, mut variances) = (0.0, [0.0; 2]);
                 for (y, row) in values(&weights).iter().enumerate() {
                     for (x, w) in row.iter().enumerate() {
@@ -275,8 +302,7 @@ mod tests {
     #[test]
     fn an_iris_upside_down_has_the_same_weights_from_the_other_end() {
         for iris in IRISES {
-            let [upright, turned] =
-                [false, true].map(|is_turned| values(&Weights::new(iris, 2.3, is_turned)));
+            let [upright, turned] = Weights::pair(iris, 2.3).map(|weights| values(&weights));
             for (row, other) in upright.iter().zip(turned.iter().rev()) {
                 for (a, b) in row.iter().zip(other.iter().rev()) {
                     assert!((a - b).abs() < 1e-15);
@@ -285,8 +311,7 @@ mod tests {
         }
         // A triangle with a corner to the right is wider there, and tells both apart.
         let triangle = Iris::Polygon { blades: 3, rotation: 0.0 };
-        let [upright, turned] =
-            [false, true].map(|is_turned| values(&Weights::new(triangle, 2.3, is_turned)));
+        let [upright, turned] = Weights::pair(triangle, 2.3).map(|weights| values(&weights));
         assert!(upright[upright.len() / 2].last().unwrap() > turned[0].last().unwrap());
     }
 
@@ -294,7 +319,7 @@ mod tests {
     fn sums_inside_are_those_of_the_weights_that_an_image_has() {
         let size = Size { width: 4, height: 9 };
         for iris in IRISES {
-            let weights = Weights::new(iris, 2.3, false);
+            let [weights, _] = Weights::pair(iris, 2.3);
             let (all, reach) = (values(&weights), weights.reach as isize);
             for (row, column) in [(0, 0), (4, 2), (8, 3), (1, 1)] {
                 let mut expected = 0.0;
