@@ -108,12 +108,12 @@ pub mod prelude {
         Silhouettes, Size, StillFragments, Surface, Texture, TextureBorder, TextureFilter,
         ThinLens, ThinLensOptions, VertexAttributes, Weighting, affine_inverse, antialias,
         composite, composite_layers, depth, depth_layers, depth_of_field, differentials, distort,
-        downsample, exposure, eye_depth, face_normals, fisheye, gaussian_blur, interpolate,
-        interpolate_differentials, interpolate_differentials_indexed, interpolate_indexed,
-        irradiance, lens_picture, orthographic, over, perturbed_normals, pinhole, project,
-        project_instances, rasterize, rasterize_behind, reflect, render, rigid, sample_cube_map,
-        sample_texture, se3, shade, srgb_decode, srgb_encode, tangents, transform_normals,
-        transform_points, vertex_normals,
+        downsample, exposure, eye_depth, eye_depth_slope, face_normals, fisheye, gaussian_blur,
+        interpolate, interpolate_differentials, interpolate_differentials_indexed,
+        interpolate_indexed, irradiance, lens_picture, orthographic, over, perturbed_normals,
+        pinhole, project, project_instances, rasterize, rasterize_behind, reflect, render, rigid,
+        sample_cube_map, sample_texture, se3, shade, srgb_decode, srgb_encode, tangents,
+        transform_normals, transform_points, vertex_normals,
     };
 }
 

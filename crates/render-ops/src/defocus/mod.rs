@@ -11,5 +11,5 @@ pub(crate) use self::blur::{Blur, Memory, Part};
 pub(crate) use self::blurs::Blurs;
 pub use self::iris::Iris;
 pub(crate) use self::iris::broken_rule;
-pub(crate) use self::rungs::{Position, Rungs};
+pub(crate) use self::rungs::{MOST_HALVINGS, Position, Rungs};
 pub(crate) use self::strips::{Bands, ROWS, Strip, Strips, halved, mean_weight};

@@ -37,6 +37,16 @@ pub(crate) struct Position<S> {
     pub(crate) slope: S,
 }
 
+impl<S: Scalar> Position<S> {
+    /// The rungs that a circle lies on, with its shares. In focus that is one: the share of the next has no slope,
+    /// either.
+    #[inline]
+    pub(crate) fn rungs(&self) -> [Option<(usize, S)>; 2] {
+        let Self { rung, next, slope } = *self;
+        [Some((rung, S::ONE - next)), (slope != S::ZERO).then_some((rung + 1, next))]
+    }
+}
+
 const FIRST_STEP: f64 = 0.08;
 const SCALE: f64 = 3.0;
 /// Bins per pixel.

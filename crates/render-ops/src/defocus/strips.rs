@@ -166,7 +166,8 @@ impl<'a, S: Scalar> Bands<'a, S> {
         rows: Range<usize>,
     ) -> impl Iterator<Item = &'a Strip<S>> + Clone + use<'a, S> {
         let band = |row: usize| (row << halvings).saturating_sub(self.first) / ROWS;
-        // Doubling looks at less than two rows beyond a band's own.
+        // Doubling looks at less than two rows beyond a band's own, and what is tilted may lie two beyond it: at most
+        // halvings that is two bands.
         let start = band(rows.start).saturating_sub(2).min(self.bands.len());
         let end = (band(rows.end) + 3).clamp(start, self.bands.len());
         let strips = self.bands[start..end].iter().filter_map(move |band| band.get(rung));

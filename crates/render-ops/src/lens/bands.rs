@@ -7,8 +7,8 @@
 //! # Backward
 //! With `E = (C_bar, A_bar)` of the rungs k and k + 1 at its pixel, blurred, a surface of colour times alpha c,
 //! of alpha a, and with the share p of the pixel has with `B = (1 - t) E_k + t E_(k+1)`:
-//! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`. Where a surface is moved (`tilt`),
-//! E is the mean of those at the pixels that share it.
+//! `(c, a)_bar = p B`, `p_bar = B . (c, a)`, `s_bar = p (E_(k+1) - E_k) . (c, a) dt/ds`. Where a surface is moved
+//! (`tilt`), E is the mean of those at the pixels that share it.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use super::frame::Frame;
 use super::front_to_back::{Gaps, LensState, common};
 use super::hiding::LinkBar;
 use super::pixel_bars::{BandBars, RungBars};
-use super::spans::{Lines, Span};
+use super::spans::{Between, Lines, Span};
 use super::surfaces::{Part, Parts, Row, Shown, View};
 use super::tilt;
 use crate::defocus::{Bands, Blurs, Memory, ROWS, Strip, Strips, halved, mean_weight};
@@ -135,7 +135,7 @@ impl<T: Scalar> Passes<'_, T> {
                     Shown::Pixel(place, parts) => {
                         add_piece(piece, parts.piece);
                         for part in &parts.parts {
-                            for (rung, weight) in part.rungs().into_iter().flatten() {
+                            for (rung, weight) in part.position.rungs().into_iter().flatten() {
                                 let strip = self.strip(view, &rows, rung, strips);
                                 add_to_rung(
                                     view,
@@ -165,18 +165,18 @@ impl<T: Scalar> Passes<'_, T> {
         strips: &mut Strips<T::Wide>,
     ) -> u64 {
         let mut piece = 0;
-        span.for_each_part(view, |span, rung, is_in_focus| {
+        span.for_each_part(view, |span, between| {
+            let Between { rung, is_capped, .. } = between;
             lines.read(view, span, rung);
             for is_next in [false, true] {
-                // In focus there is no slope, either.
-                if is_next && is_in_focus {
+                if is_next && !between.has_next {
                     continue;
                 }
                 let rung = rung + usize::from(is_next);
                 let strip = self.strip(view, rows, rung, strips);
                 lines.add_to(self.frame.size, self.blurs.halvings[rung], span, is_next, strip);
             }
-            add_piece(&mut piece, rung as u64);
+            add_piece(&mut piece, 2 * rung as u64 + u64::from(is_capped));
             add_piece(&mut piece, span.columns.end as u64);
         });
         piece

@@ -11,12 +11,13 @@
 //! x 16 pixels the least `a + d` is found: first for each tile of its own jumps, then by a sweep forth and one back.
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::for_each_two_pieces_mut;
+use bokashi_core::parallel::for_each_piece_mut;
 
 use super::hiding::is_gap;
 use super::surfaces::{LEAST_SHARE, Layer};
 use crate::coverage::Coverage;
 use crate::defocus::{Iris, ROWS};
+use crate::scratch::Workbench;
 
 /// Columns in a tile, as many as its rows.
 const COLUMNS: usize = ROWS;
@@ -29,7 +30,7 @@ const SLACK: f64 = 3.0;
 pub(super) struct Disocclusion {
     least: Vec<f64>,
     tiles: usize,
-    ranges: Vec<[Ranges; 2]>,
+    benches: Workbench<[Ranges; 2]>,
 }
 
 /// The least and the largest radius that each pixel of a row shows.
@@ -44,6 +45,8 @@ struct Ranges {
 pub(super) struct Visible<'a, T> {
     pub(super) coverage: &'a Coverage,
     pub(super) layer: Layer<'a, T>,
+    /// What is nearest at pixel centres, if that is a layer of its own: its coverage, alphas and radii.
+    pub(super) at_centers: Option<(&'a Coverage, &'a [T], &'a [T])>,
     /// Of its pieces.
     pub(super) weights: &'a [T],
     /// The radius of the background's circle.
@@ -58,17 +61,17 @@ impl Disocclusion {
         self.tiles = size.width.div_ceil(COLUMNS);
         self.least.clear();
         self.least.resize(bands * self.tiles, f64::INFINITY);
-        self.ranges.resize_with(bands, Default::default);
-        let Self { least, ranges, tiles } = self;
-        for_each_two_pieces_mut(least, ranges, [*tiles, 1], |band, least, ranges| {
-            let [above, below] = &mut ranges[0];
-            visible.read_row(band * ROWS, above, least);
-            for row in band * ROWS..((band + 1) * ROWS).min(size.height) {
-                // The last row is its own neighbour.
-                visible.read_row((row + 1).min(size.height - 1), below, least);
-                find_jumps([above, below], least);
-                std::mem::swap(above, below);
-            }
+        let Self { least, benches, tiles } = self;
+        for_each_piece_mut(least, *tiles, |band, least| {
+            benches.with(|[above, below]| {
+                visible.read_row(band * ROWS, above, least);
+                for row in band * ROWS..((band + 1) * ROWS).min(size.height) {
+                    // The last row is its own neighbour.
+                    visible.read_row((row + 1).min(size.height - 1), below, least);
+                    find_jumps([above, below], least);
+                    std::mem::swap(above, below);
+                }
+            });
         });
         self.spread(COLUMNS as f64 / iris.reach());
     }
@@ -129,10 +132,20 @@ impl<T: Scalar> Visible<'_, T> {
             let radii = &self.layer.radii[run.fragments()];
             let to = &mut least[first..first + radii.len()];
             to.iter_mut().zip(radii).for_each(|(to, radius)| *to = radius.to_f64());
-            let alphas = &self.layer.alphas[run.fragments()];
-            if alphas.iter().any(|&alpha| alpha < T::ONE) {
-                for (k, _) in alphas.iter().enumerate().filter(|(_, alpha)| **alpha < T::ONE) {
-                    lower(&mut tiles[(first + k) / COLUMNS], least[first + k]);
+        }
+        let own = (self.coverage, self.layer.alphas, self.layer.radii);
+        for (coverage, alphas, radii) in std::iter::once(own).chain(self.at_centers) {
+            for run in coverage.runs_in_row(row) {
+                let first = run.pixels().start - row * width;
+                let alphas = &alphas[run.fragments()];
+                if alphas.iter().all(|&alpha| alpha >= T::ONE) {
+                    continue;
+                }
+                for (k, &alpha) in alphas.iter().enumerate() {
+                    if alpha < T::ONE {
+                        let radius = radii[run.fragments().start + k].to_f64();
+                        lower(&mut tiles[(first + k) / COLUMNS], radius);
+                    }
                 }
             }
         }

@@ -26,13 +26,14 @@
 //! neighbouring rungs are nearly alike, and gradients of circles are their differences.
 //!
 //! # Cost
-//! 1024 x 1024 pixels, three channels, `f32`, two threads, three hidden layers, in milliseconds; peeling these takes
-//! longer. Behind it the backward pass with all gradients.
+//! 1024 x 1024 pixels, three channels, `f32`, two threads, three hidden layers, in milliseconds, without finding these.
+//! Behind it the backward pass with all gradients.
 //!
 //! | aperture, pixels | 5 | 20 | 80 |
 //! |---|---|---|---|
-//! | a board in front of a wall in focus | 55, 84 | 52, 82 | 48, 86 |
-//! | a floor from the eye through the focus | 68, 95 | 84, 116 | 101, 156 |
+//! | a board in front of a wall in focus | 38, 52 | 39, 59 | 46, 83 |
+//! | a floor from the eye through the focus | 49, 61 | 69, 83 | 84, 124 |
+//! | the floor with its slopes | 69, 105 | 90, 132 | 103, 170 |
 //!
 //! # Limits
 //! What no ray through the middle of the lens meets is not known: the far side of a ball's rim, and surfaces
@@ -76,11 +77,12 @@ use crate::eye_depth::{eye_depth, eye_depth_slope};
 use crate::fragments::Fragments;
 use crate::picture::{Composite, checked_channels};
 use crate::scratch::Workbench;
+use crate::size::Size;
 
 const NAME: &str = "lens_picture";
 
-/// A tape keeps 64 inputs of an operation at most.
-const MOST_BEHIND: usize = 16;
+/// A tape keeps 64 inputs of an operation at most: 7 and a slope, and four for each layer behind.
+const MOST_BEHIND: usize = 14;
 
 /// A thin lens, as variables.
 #[derive(Debug, Clone, Copy)]
@@ -146,7 +148,8 @@ pub struct LensLayer<'a, 't, T: Scalar> {
     pub distance: Var<'t, T>,
     /// How the distances change from pixel to pixel, to the right and down, `[N, 2]`: those of
     /// [`eye_depth_slope`](crate::eye_depth_slope()). Without it each fragment is blurred as if it faced the lens,
-    /// which costs less, and is the same where all do.
+    /// which is the same where all do. It costs up to a third more where they do not. One
+    /// that is not finite moves nothing that is infinitely far.
     pub slope: Option<Var<'t, T>>,
 }
 
@@ -184,7 +187,8 @@ pub struct LensPicture<'t, T: Scalar> {
 /// [`composite`](crate::composite()), and layers behind are not looked at.
 ///
 /// # Errors
-/// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its alphas and distances `[N]`, its slopes `[N, 2]`,
+/// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its alphas and distances `[N]`,
+///   its slopes `[N, 2]`,
 ///   the background has as many channels, aperture and focus are single numbers; and for fragments that are
 ///   not whole.
 /// - [`RenderError::ExactLayers`] for a layer of exact coverage behind, [`RenderError::LayerSize`] for layers of
@@ -192,7 +196,7 @@ pub struct LensPicture<'t, T: Scalar> {
 /// - `TensorError::Value` for a distance that is negative or NaN, an aperture that is negative or not finite, a
 ///   focus that is not finite and positive, a largest radius that is not between 0 and 1024, a margin that leaves
 ///   nothing of the picture, an iris of fewer than 3 or more than 16 blades or of a rotation that is not finite, a
-///   background that is not at a distance above 0, more than 16 layers behind.
+///   background that is not at a distance above 0, more than 14 layers behind.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
 #[inline(never)]
 pub fn lens_picture<'t, T: Scalar>(
@@ -220,31 +224,16 @@ pub fn lens_picture<'t, T: Scalar>(
     }
     visible.check(own.count(), channels)?;
     let backdrop = background.behind(NAME, tape, size, channels)?;
-    // Few layers need no memory.
-    let mut inputs: SmallVec<[Var<'t, T>; 16]> = SmallVec::new();
+    let mut inputs: List<'t, T> = SmallVec::new();
     inputs.extend([backdrop.values, lens.aperture, lens.focus]);
     inputs.extend([visible.premultiplied, visible.alpha, visible.distance]);
     inputs.extend(visible.fragments.weight);
-    let mut hidden = SmallVec::new();
-    for layer in behind {
-        let coverage = layer.fragments.checked_coverage(NAME, tape)?;
-        if coverage.is_exact() {
-            return Err(RenderError::ExactLayers { operation: NAME });
-        }
-        if coverage.size() != size {
-            return Err(RenderError::LayerSize { expected: size, given: coverage.size() });
-        }
-        layer.check(coverage.count(), channels)?;
-        inputs.extend([layer.premultiplied, layer.alpha, layer.distance]);
-        hidden.push(coverage);
-    }
-    let mut slopes = SmallVec::new();
-    for layer in std::iter::once(&visible).chain(behind) {
-        slopes.push(layer.slope.map(|slope| {
-            inputs.push(slope);
-            inputs.len() - 1
-        }));
-    }
+    let hidden = list_hidden(behind, size, channels, &mut inputs)?;
+    let slopes = std::iter::once(&visible).chain(behind).map(|layer| {
+        inputs.extend(layer.slope);
+        layer.slope.map(|_| inputs.len() - 1)
+    });
+    let slopes = slopes.collect();
     let hides = std::iter::once(&visible).chain(behind.first());
     if lens.aperture.item() == T::ZERO && hides.clone().all(LensLayer::is_opaque) {
         let values = visible.premultiplied;
@@ -261,6 +250,35 @@ pub fn lens_picture<'t, T: Scalar>(
     let look = |saved: &Saved<T>| [saved.capped as u64, saved.piece];
     let (outputs, [capped, piece]) = tape.record_with(op, &inputs, look)?;
     Ok(LensPicture { image: outputs[0], capped: capped as usize, piece })
+}
+
+/// Inputs: few layers need no memory.
+type List<'t, T> = SmallVec<[Var<'t, T>; 24]>;
+
+/// Adds the inputs of all layers behind but their slopes; returns what they cover.
+///
+/// # Errors
+/// As [`lens_picture`].
+fn list_hidden<'t, T: Scalar>(
+    behind: &[LensLayer<'_, 't, T>],
+    size: Size,
+    channels: usize,
+    inputs: &mut List<'t, T>,
+) -> Result<SmallVec<[Arc<Coverage>; 4]>, RenderError> {
+    let mut hidden = SmallVec::new();
+    for layer in behind {
+        let coverage = layer.fragments.checked_coverage(NAME, layer.premultiplied.tape())?;
+        if coverage.is_exact() {
+            return Err(RenderError::ExactLayers { operation: NAME });
+        }
+        if coverage.size() != size {
+            return Err(RenderError::LayerSize { expected: size, given: coverage.size() });
+        }
+        layer.check(coverage.count(), channels)?;
+        inputs.extend([layer.premultiplied, layer.alpha, layer.distance]);
+        hidden.push(coverage);
+    }
+    Ok(hidden)
 }
 
 /// # Errors
@@ -299,7 +317,7 @@ impl<'a, 't, T: Scalar> LensLayer<'a, 't, T> {
     /// A layer at the distances of its fragments, and with their slopes, of colours times alpha and alphas.
     ///
     /// # Errors
-    /// As [`eye_depth`](crate::eye_depth()).
+    /// As [`eye_depth`](crate::eye_depth()); [`RenderError::Outline`] for fragments of an outline.
     pub fn from_fragments(
         fragments: &'a Fragments<'t, T>,
         premultiplied: Var<'t, T>,
@@ -447,14 +465,19 @@ impl DrawLens {
     fn find_jumps<T: Scalar>(
         &self,
         inputs: &Inputs<'_, T>,
-        radii: &[T],
+        radii: &[Vec<T>],
         disocclusion: &mut Disocclusion,
     ) {
         let [colors, alphas, distances] = [3, 4, 5].map(|input| inputs.data(input));
         let optics = self.optics([inputs.data(1), inputs.data(2)]);
+        let at_centers = self.hidden.first().map(|first| {
+            let input = 6 + usize::from(self.has_weights);
+            (&**first, inputs.data(input + 1), &radii[1][..])
+        });
         let visible = Visible {
+            at_centers,
             coverage: &self.visible,
-            layer: Layer { colors, alphas, distances, slopes: &[], radii },
+            layer: Layer { colors, alphas, distances, slopes: &[], radii: &radii[0] },
             weights: if self.has_weights { inputs.data(6) } else { &[] },
             background: optics.radius(T::Wide::from_f64(self.far)).0.to_f64(),
         };
@@ -624,7 +647,7 @@ impl<T: Scalar> Op<T> for DrawLens {
         if blurs.reach(self.options.largest_radius, self.options.iris) {
             gaps.update(&blurs.rungs);
         }
-        self.find_jumps(inputs, &radii[0], disocclusion);
+        self.find_jumps(inputs, radii, disocclusion);
         let (frame, shown) = (self.frame, self.frame.shown_size());
         let count = frame.size.height.div_ceil(ROWS);
         sources.resize_with(count, Strips::default);

@@ -107,16 +107,19 @@ impl<S: Scalar> BandBars<S> {
         lines: &mut Lines<S>,
     ) {
         let RungBars { blurs, frame, at_rungs } = rungs;
-        span.for_each_part(view, |span, rung, is_in_focus| {
+        span.for_each_part(view, |span, between| {
+            let rung = between.rung;
             let strips = [rung, rung + 1].map(|rung| at_rungs.get(rung));
             if strips.iter().all(Option::is_none) {
                 return;
             }
             lines.read(view, span, rung);
             for (k, strip) in strips.into_iter().enumerate() {
+                // Without a share, its columns need not be held there.
+                let strip = strip.filter(|_| k == 0 || between.has_next);
                 lines.read_bars(frame.size, blurs.halvings[rung + k], span, k == 1, strip);
             }
-            lines.mix(view.reference, is_in_focus);
+            lines.mix(view.reference);
             self.add_lines(view, span, lines);
         });
     }
@@ -269,7 +272,8 @@ impl<S: Scalar> BandBars<S> {
         slope: [S; 2],
     ) -> TiltBar<S> {
         let (color, alpha) = view.color(part.surface, pixel);
-        let shares = part.rungs().map(|rung| rung.map_or(S::ZERO, |(_, share)| share));
+        let next = part.position.next;
+        let shares = [S::ONE - next, next];
         let mut shift_bar = [S::ZERO; 2];
         for channel in 0..=color.len() {
             let value = match color.get(channel) {
@@ -296,11 +300,7 @@ impl<S: Scalar> BandBars<S> {
         let (color, alpha) = view.color(part.surface, pixel);
         let alpha = alpha.widen();
         let (mut share_bar, mut next_bar) = (S::ZERO, S::ZERO);
-        // In focus the next rung holds nothing of the part.
-        let next_share = match part.rungs()[1] {
-            Some((_, share)) => share,
-            None => S::ZERO,
-        };
+        let next_share = part.position.next;
         let [own, next] = &mut self.beside;
         let mut of_reference = S::ZERO;
         for (channel, (own, &next)) in own.iter_mut().zip(&*next).enumerate() {

@@ -20,6 +20,16 @@ pub(super) struct Span {
     pub(super) surface: Surface,
 }
 
+/// How the circles of a part of a span lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Between {
+    /// The rung before them.
+    pub(super) rung: usize,
+    /// Whether the next rung has a share, or the derivative of one: in focus it has none.
+    pub(super) has_next: bool,
+    pub(super) is_capped: bool,
+}
+
 impl Span {
     /// What a column of it shows.
     #[inline(always)]
@@ -36,18 +46,17 @@ impl Span {
         Self { row: self.row, surface: self.surface_at(columns.start), columns }
     }
 
-    /// Calls `visit` with those parts of it whose circles lie between the same rungs, and are all capped or none,
-    /// and the first of these rungs.
+    /// Calls `visit` with those parts of it whose circles lie alike among the rungs.
     #[inline(always)]
     pub(super) fn for_each_part<T: Scalar>(
         &self,
         view: &View<'_, T>,
-        mut visit: impl FnMut(&Self, usize, bool),
+        mut visit: impl FnMut(&Self, Between),
     ) {
         let count = self.columns.len();
         let (_, radii) = view.alphas_and_radii(self.surface, count);
         let radius = |k: usize| radii.get(k).map_or(view.sky.radius, |radius| radius.widen());
-        let kinds = |radius: T::Wide| (radius == T::Wide::ZERO, view.optics.is_capped(radius));
+        let kinds = |radius: T::Wide| (radius != T::Wide::ZERO, view.optics.is_capped(radius));
         let mut first = 0;
         while first < count {
             let own = radius(first);
@@ -59,7 +68,8 @@ impl Span {
             let more = others.take_while(|radius| is_same(radius.widen())).count();
             let end = if radii.is_empty() { count } else { first + 1 + more };
             let columns = self.columns.start + first..self.columns.start + end;
-            visit(&self.part(columns), rung, kinds(own).0);
+            let (has_next, is_capped) = kinds(own);
+            visit(&self.part(columns), Between { rung, has_next, is_capped });
             first = end;
         }
     }
@@ -191,13 +201,9 @@ impl<S: Scalar> Lines<S> {
 
     /// Makes the mean B of E in the first of `bars`, its dot product with the reference, and the gradient of t.
     #[inline(always)]
-    pub(super) fn mix<T: Scalar<Wide = S>>(&mut self, reference: &[T], is_in_focus: bool) {
+    pub(super) fn mix<T: Scalar<Wide = S>>(&mut self, reference: &[T]) {
         let Self { values, next, bars: [own, other], next_bars, reference_bars, .. } = self;
         let count = next.len();
-        if is_in_focus {
-            // The next rung holds nothing of it.
-            next.fill(S::ZERO);
-        }
         for list in [&mut *next_bars, &mut *reference_bars] {
             list.clear();
             list.resize(count, S::ZERO);

@@ -74,15 +74,6 @@ impl<S: Scalar> Part<S> {
     pub(super) fn is_moved(&self) -> bool {
         self.shift.iter().any(|&shift| shift != S::ZERO)
     }
-
-    /// The rungs that it lies on, with its weights.
-    #[inline]
-    pub(super) fn rungs(&self) -> [Option<(usize, S)>; 2] {
-        let Position { rung, next, .. } = self.position;
-        // In focus there is no slope, either.
-        let is_in_focus = self.radius == S::ZERO;
-        [Some((rung, S::ONE - next)), (!is_in_focus).then_some((rung + 1, next))]
-    }
 }
 
 /// What a pixel shows, and what is at its centre, the nearest first.
@@ -308,8 +299,12 @@ impl<'a, T: Scalar> View<'a, T> {
         }
         // What is moved is added to several pixels.
         let is_still = |fragment: u32| {
-            let slopes = self.layers[0].slopes.get(2 * fragment as usize..).unwrap_or_default();
-            fragment == NONE || slopes.iter().take(2).all(|&slope| slope == T::ZERO)
+            let surface = Surface { layer: 0, fragment };
+            let slope = if fragment == NONE { None } else { self.slope(surface) };
+            slope.is_none_or(|slope| {
+                let zero = T::Wide::ZERO;
+                slope == [zero; 2] || tilt::shift(&self.circle(surface), slope) == [zero; 2]
+            })
         };
         let first = list.visible[columns.start];
         let mut end = columns.start;

@@ -16,24 +16,31 @@
 //! differences of the gradients at neighbouring pixels.
 //!
 //! # Where it is not smooth
-//! Where g is cut, and where a shift passes a whole pixel. A shift of 0 has no gradient.
+//! Where g is cut, and where a shift passes a whole pixel. Along an axis without a shift there is no gradient. Nor is
+//! there where a shift passes what a rung's pixels allow, for circles of 224 pixels and more.
 
 use bokashi_core::Scalar;
 
 use super::circles::Circle;
+use crate::defocus::MOST_HALVINGS;
 use crate::size::Size;
 
 /// The largest component of the gradient of a radius.
 const STEEPEST: f64 = 0.5;
-/// The largest shift in pixels of a rung's own size. Circles that are not capped beyond all halvings have less.
+/// The largest shift in pixels of a rung's own size. At most halvings only circles of 224 pixels and more reach it.
 const LARGEST_SHIFT: f64 = 1.75;
+/// A smaller shift, in pixels, is rounding: many pixels of a face that is parallel to the image have it.
+const LEAST_SHIFT: f64 = 1e-6;
 /// Rows and columns that a shift reaches.
 pub(super) const REACH: usize = 2;
 
 /// How far a surface is moved, in pixels to the right and down.
 pub(super) fn shift<S: Scalar>(circle: &Circle<S>, slope: [S; 2]) -> [S; 2] {
     let quarter = S::from_f64(0.25) * circle.radius;
-    slope.map(|slope| quarter * cut(circle.by_distance * slope).0)
+    slope.map(|slope| {
+        let shift = quarter * cut(circle.by_distance * slope).0;
+        if shift.to_f64().abs() < LEAST_SHIFT { S::ZERO } else { shift }
+    })
 }
 
 /// A number that tells on which smooth piece a shift lies.
@@ -41,17 +48,20 @@ pub(super) fn piece<S: Scalar>(circle: &Circle<S>, slope: [S; 2]) -> u64 {
     let shift = shift(circle, slope);
     (0..2).fold(0_u64, |piece, k| {
         let (_, is_cut) = cut(circle.by_distance * slope[k]);
-        let whole = shift[k].to_f64().floor() as i64;
-        piece.wrapping_mul(4099).wrapping_add((2 * whole + i64::from(is_cut)) as u64)
+        let shift = shift[k].to_f64();
+        let is_largest = shift.abs() >= LARGEST_SHIFT * f64::from(1_u32 << MOST_HALVINGS);
+        let kind = i64::from(is_cut) + 2 * i64::from(is_largest) + 4 * i64::from(shift == 0.0);
+        piece.wrapping_mul(4099).wrapping_add((8 * shift.floor() as i64 + kind) as u64)
     })
 }
 
-/// A component of g, and whether it is cut.
+/// A component of g, and whether it is cut. What is infinitely far and infinitely steep is not moved.
 fn cut<S: Scalar>(gradient: S) -> (S, bool) {
     let most = S::from_f64(STEEPEST);
     match gradient {
         _ if gradient > most => (most, true),
         _ if gradient < -most => (-most, true),
+        _ if gradient.to_f64().is_nan() => (S::ZERO, true),
         _ => (gradient, false),
     }
 }
@@ -104,6 +114,7 @@ pub(super) fn taps<S: Scalar>(
         let (shift, slope) = match shift {
             _ if shift > most => (most, S::ZERO),
             _ if shift < -most => (-most, S::ZERO),
+            _ if shift == S::ZERO => (shift, S::ZERO),
             _ => (shift, S::from_f64(scale)),
         };
         let whole = shift.to_f64().floor();
@@ -127,7 +138,9 @@ mod tests {
         let [x, y] = shift(&CIRCLE, [0.1, 0.0]);
         assert!((x + 0.45).abs() < 1e-15 && y == 0.0);
         // Cut.
-        assert_eq!(shift(&CIRCLE, [9.0, -9.0]), [-0.75, 0.75]);
+        assert_eq!(shift(&CIRCLE, [9.0, -f64::INFINITY]), [-0.75, 0.75]);
+        let far = Circle { by_distance: 0.0, ..CIRCLE };
+        assert_eq!(shift(&far, [f64::INFINITY, f64::NAN]), [0.0, 0.0]);
     }
 
     #[test]
@@ -161,7 +174,7 @@ mod tests {
                 let sum: f64 = columns.iter().map(|tap| tap.1).sum();
                 let mean: f64 = columns.iter().map(|tap| tap.1 * tap.0 as f64).sum();
                 assert!((sum - 1.0).abs() < 1e-15 && (mean - 20.0 - shift).abs() < 1e-12);
-                assert_eq!(rows[0], (10, 1.0, -scale.recip()));
+                assert_eq!(rows[0], (10, 1.0, 0.0));
             }
         }
     }

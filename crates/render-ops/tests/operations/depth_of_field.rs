@@ -252,6 +252,7 @@ fn a_wall_through_an_iris_is_what_a_lens_sees_of_it() {
                 premultiplied: colors,
                 alpha: tape.constant(&Tensor::full([count], 1.0)),
                 distance: tape.constant(&Tensor::full([count], depth)),
+                slope: None,
             };
             let focus = tape.leaf_scalar(3.0);
             let lens = ThinLens { aperture: tape.leaf_scalar(2.0 * aperture), focus };

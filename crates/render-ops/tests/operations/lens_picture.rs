@@ -1,7 +1,7 @@
 use bokashi_core::{Tape, Tensor};
 use bokashi_render_ops::{
     Background, Fragments, LensLayer, Mesh, RasterOptions, Sampling, Size, ThinLens,
-    ThinLensOptions, depth_layers, eye_depth, lens_picture, rasterize,
+    ThinLensOptions, depth_layers, eye_depth, interpolate, lens_picture, rasterize,
 };
 
 /// Large enough for tiles from which no outline can be seen.
@@ -30,6 +30,11 @@ struct Setting {
     has_image_behind: bool,
     /// Whether alphas are learnt.
     learns_alpha: bool,
+    /// Slopes of 0 for all.
+    has_slopes: bool,
+    margin: usize,
+    /// The focus: the board is 2 away.
+    focus: f64,
     /// What is added to the colours that are hidden before a column.
     hidden: (usize, f64),
 }
@@ -45,7 +50,8 @@ fn layer<'a, 't>(
     let colors = Tensor::from_flat_fn([count, 2], |k| wave(k) + added(k / 2));
     let premultiplied = tape.leaf(&colors);
     let distance = tape.leaf(&eye_depth(fragments).unwrap().values().value());
-    LensLayer { fragments, premultiplied, alpha, distance, slope: None }
+    let slope = setting.has_slopes.then(|| tape.constant(&Tensor::zeros([count, 2])));
+    LensLayer { fragments, premultiplied, alpha, distance, slope }
 }
 
 /// The picture, and its gradients by the visible colours, the distances, what the board hides, aperture, focus and
@@ -63,7 +69,8 @@ fn seen(setting: Setting) -> [Vec<f64>; 7] {
     let wall = |k: usize| if columns[k] < end { added } else { 0.0 };
     let first = layer(&visible, setting, |_| 0.0);
     let behind = [layer(&hidden[0], setting, |_| 0.0), layer(&hidden[1], setting, wall)];
-    let [aperture, focus] = [setting.aperture, 4.2].map(|number| tape.leaf_scalar(number));
+    let [aperture, focus] =
+        [setting.aperture, setting.focus].map(|number| tape.leaf_scalar(number));
     let shape: &[usize] = if setting.has_image_behind { &[90, 150, 2] } else { &[2] };
     let background = tape.leaf(&Tensor::from_flat_fn(shape, wave));
     let sky = match setting.has_image_behind {
@@ -71,9 +78,11 @@ fn seen(setting: Setting) -> [Vec<f64>; 7] {
         false => Background::Color(background),
     };
     let lens = ThinLens { aperture, focus };
-    let options = ThinLensOptions::default();
+    let Setting { margin, .. } = setting;
+    let options = ThinLensOptions { margin, ..ThinLensOptions::default() };
     let found = lens_picture(first, &behind, sky, f64::INFINITY, lens, &options).unwrap().image;
-    let upstream = Tensor::from_flat_fn([90, 150, 2], |k| wave(3 * k));
+    let shown = [SIZE.height - 2 * margin, SIZE.width - 2 * margin, 2];
+    let upstream = Tensor::from_flat_fn(shown, |k| wave(3 * k));
     let gradients = tape.vjp(&[(found, &upstream)]).unwrap();
     let asked =
         [first.premultiplied, first.distance, behind[1].premultiplied, aperture, focus, background];
@@ -86,17 +95,24 @@ const SETTING: Setting = Setting {
     sampling: Sampling::Center,
     has_image_behind: false,
     learns_alpha: false,
+    has_slopes: false,
+    margin: 0,
+    focus: 4.2,
     hidden: (0, 0.0),
 };
 
 #[test]
 fn pixels_that_are_worked_on_together_are_those_that_are_worked_on_alone() {
-    // Where alphas are learnt, each pixel is worked on alone. At the larger apertures images are halved.
-    for aperture in [4.0, 13.0, 40.0] {
+    // At the larger apertures images are halved. The last one has its board in focus, and the wall hardly out of it.
+    let lenses = [(4.0, 4.2, 0), (13.0, 4.2, 3), (40.0, 4.2, 0), (0.4, 2.0, 0)];
+    for (aperture, focus, margin) in lenses {
         for sampling in [Sampling::Center, Sampling::Exact] {
-            for has_image_behind in [false, true] {
-                let setting = Setting { aperture, sampling, has_image_behind, ..SETTING };
+            for has_slopes in [false, true] {
+                let has_image_behind = has_slopes;
+                let lens = Setting { aperture, focus, margin, ..SETTING };
+                let setting = Setting { sampling, has_slopes, has_image_behind, ..lens };
                 let together = seen(setting);
+                // Where alphas are learnt, each pixel is worked on alone.
                 let alone = seen(Setting { learns_alpha: true, ..setting });
                 for (together, alone) in together.iter().zip(&alone) {
                     let largest = alone.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -108,6 +124,36 @@ fn pixels_that_are_worked_on_together_are_those_that_are_worked_on_alone() {
             }
         }
     }
+}
+
+#[test]
+fn as_many_layers_as_can_be_are_seen_with_their_slopes() {
+    let tape = Tape::<f64>::new();
+    let clip = tape.leaf(&clip());
+    let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 8).unwrap();
+    let options = RasterOptions::new(Size { width: 9, height: 7 });
+    let exact = rasterize(clip, &mesh, options.sampling(Sampling::Exact).creases(&[])).unwrap();
+    let centers = rasterize(clip, &mesh, options.sampling(Sampling::Center)).unwrap();
+    let colors = |fragments| interpolate(clip, fragments).unwrap();
+    let ones = |n: usize| tape.leaf(&Tensor::full([n], 1.0));
+    let [visible, behind] = [&exact, &centers].map(|fragments| {
+        let alpha = ones(fragments.coverage.count());
+        LensLayer::from_fragments(fragments, colors(fragments), alpha).unwrap()
+    });
+    let lens = ThinLens { aperture: tape.leaf_scalar(2.0), focus: tape.leaf_scalar(3.0) };
+    let seen = |count: usize| {
+        let behind = vec![behind; count];
+        let options = ThinLensOptions::default();
+        lens_picture(visible, &behind, Background::Zero, f64::INFINITY, lens, &options)
+    };
+    let image = seen(14).unwrap().image;
+    let gradients = tape.vjp(&[(image, &image.value())]).unwrap();
+    let all = [visible.distance, behind.slope.unwrap(), lens.focus];
+    for gradient in all.map(|var| gradients.get_or_zeros(var)) {
+        assert!(gradient.data().iter().all(|bar| bar.is_finite()));
+    }
+    let refused = seen(15).unwrap_err().to_string();
+    assert_eq!(refused, "lens_picture needs at most 14 layers behind, got 15");
 }
 
 #[test]

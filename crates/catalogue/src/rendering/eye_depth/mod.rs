@@ -5,7 +5,7 @@ mod extremes;
 use bokashi_check::strategy::{number, tensor};
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Fragments, eye_depth, rasterize};
+use bokashi_render_ops::{Fragments, eye_depth, eye_depth_slope, rasterize};
 use proptest::prelude::*;
 
 use crate::benchmark::benchmark;
@@ -34,7 +34,7 @@ impl Subject for OfScene {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let distances = eye_depth(&fragments)?;
         let image = distances.image(&fragments, 9.0)?.distances();
-        let outputs = vec![distances.values(), image];
+        let outputs = vec![distances.values(), image, eye_depth_slope(&fragments)?];
         Ok(Outcome::from(outputs).with_state(fragments.coverage.triangle_ids()))
     }
 }

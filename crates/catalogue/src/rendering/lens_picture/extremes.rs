@@ -38,6 +38,7 @@ struct LensView<'t, T: Scalar> {
     layers: Vec<Fragments<'t, T>>,
     /// Colours, alphas and distances.
     parts: Vec<[Var<'t, T>; 3]>,
+    slopes: Vec<Option<Var<'t, T>>>,
     aperture: Var<'t, T>,
     focus: Var<'t, T>,
 }
@@ -64,7 +65,17 @@ impl<'t, T: Scalar> LensView<'t, T> {
             ]);
         }
         let [aperture, focus] = [aperture, 2.0].map(|x| tape.leaf_scalar(T::from_f64(x)));
-        Ok(Self { layers, parts, aperture, focus })
+        let slopes = vec![None; layers.len()];
+        Ok(Self { layers, parts, slopes, aperture, focus })
+    }
+
+    /// With distances that change from pixel to pixel by these numbers, in the order of the layers' fragments.
+    fn with_slopes(mut self, slope: impl Fn(usize) -> f64) -> Self {
+        for (fragments, slopes) in self.layers.iter().zip(&mut self.slopes) {
+            let numbers = tensor(&[fragments.coverage.count(), 2], &slope);
+            *slopes = Some(self.focus.tape().leaf(&numbers));
+        }
+        self
     }
 
     /// With other colours.
@@ -84,8 +95,10 @@ impl<'t, T: Scalar> LensView<'t, T> {
         options: &ThinLensOptions,
     ) -> Result<LensPicture<'t, T>, RenderError> {
         let mut layers = Vec::with_capacity(self.layers.len());
-        for (fragments, &[premultiplied, alpha, distance]) in self.layers.iter().zip(&self.parts) {
-            layers.push(LensLayer { fragments, premultiplied, alpha, distance, slope: None });
+        let parts = self.parts.iter().zip(&self.slopes);
+        for (fragments, (parts, &slope)) in self.layers.iter().zip(parts) {
+            let [premultiplied, alpha, distance] = *parts;
+            layers.push(LensLayer { fragments, premultiplied, alpha, distance, slope });
         }
         let lens = ThinLens { aperture: self.aperture, focus: self.focus };
         lens_picture(layers[0], &layers, background, f64::INFINITY, lens, options)
@@ -99,7 +112,9 @@ impl<'t, T: Scalar> LensView<'t, T> {
 
     fn has_finite_gradients(&self, out: Var<'t, T>) -> Result<bool, Failure> {
         let all = self.parts.iter().flat_map(|&[colors, _, distances]| [colors, distances]);
-        let all: Vec<_> = all.chain([self.aperture, self.focus]).collect();
+        let all =
+            all.chain([self.aperture, self.focus]).chain(self.slopes.iter().copied().flatten());
+        let all: Vec<_> = all.collect();
         has_finite_gradients(out, &all)
     }
 }
@@ -117,7 +132,9 @@ fn in_focus<T: Scalar>() -> Outcome {
 fn at_the_eye<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let far = [0.0, -0.0, 1e-40, 1e-6, 2.0, f64::INFINITY];
+    let steep = [0.0, 0.3, -2.0, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e-9];
     let view = LensView::new(&tape, SIZE, 4.0, |layer, k| far[(k + layer) % 6], |_| 0.5)?;
+    let view = view.with_slopes(|k| steep[k % 7]);
     // As large as the circle at infinity, which is not cut.
     let options = ThinLensOptions { largest_radius: 4.0, ..ThinLensOptions::default() };
     let sky = Background::Color(tape.leaf(&Tensor::full([2], T::from_f64(0.5))));
@@ -222,7 +239,8 @@ fn focus_on_an_edge<T: Scalar>() -> Outcome {
     let sharp = numbers(&composite(colors, fragments, Background::Zero)?.image()?.value());
     let edge = 2 * size.width * 7..2 * size.width * 8;
     let error = difference(&image[edge.clone()], &sharp[edge]);
-    let finite = has_finite_gradients(found.image, &[colors, alpha, distances, aperture, focus])?;
+    let all = [colors, alpha, distances, aperture, focus].into_iter().chain(slope);
+    let finite = has_finite_gradients(found.image, &all.collect::<Vec<_>>())?;
     // Rows a pixel away have circles of a tenth of a pixel, which hardly reach it.
     Ok(Verdict::within("the picture at the edge", error, 4e-3)
         .and(finite, "a gradient is not finite"))
