@@ -26,6 +26,8 @@ pub(crate) fn entry() -> Entry {
 #[derive(Debug)]
 struct OfScene {
     scene: Scene,
+    /// Where depths differ by a million, a slope is a difference of large numbers.
+    has_slope: bool,
 }
 
 impl Subject for OfScene {
@@ -34,16 +36,20 @@ impl Subject for OfScene {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let distances = eye_depth(&fragments)?;
         let image = distances.image(&fragments, 9.0)?.distances();
-        let outputs = vec![distances.values(), image, eye_depth_slope(&fragments)?];
+        let mut outputs = vec![distances.values(), image];
+        if self.has_slope {
+            outputs.push(eye_depth_slope(&fragments)?);
+        }
         Ok(Outcome::from(outputs).with_state(fragments.coverage.triangle_ids()))
     }
 }
 
 fn eye_depth_of_what_was_rasterized(entry: &mut Entry) {
     for (kind, scenes) in scenes() {
-        let cases = scenes.prop_map(|scene| {
+        let has_slope = kind == "closed meshes";
+        let cases = scenes.prop_map(move |scene| {
             let clip = Input::leaf(scene.clip.clone());
-            Case::new(OfScene { scene }, [clip])
+            Case::new(OfScene { scene, has_slope }, [clip])
         });
         entry.check(Check::from_cases(format!("eye_depth of {kind}"), cases));
     }
