@@ -60,6 +60,8 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
 impl<S: Scalar<Wide = S>> Plane<S> {
     /// Draws the band of `rows` of a layer that was found before. Where depths are equal, a face of `faces`
     /// is behind that of the layer if its position there is above what is drawn.
+    /// So `front` has to be drawn with the options of `view`: a face that is not in `faces` has the position of the
+    /// one before it.
     pub(super) fn draw_front<T: Scalar<Wide = S>>(
         &mut self,
         view: &Prepared<'_, T>,
@@ -185,6 +187,8 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         Block { depths: self.depths[index], faces: self.faces[index] }
     }
 
+    /// The fence, which is no instruction, keeps the stores apart from the loads, as in `keep_nearer`: no masked
+    /// stores.
     #[inline(always)]
     fn put(&mut self, index: usize, block: Block<S>) {
         compiler_fence(Ordering::SeqCst);
