@@ -125,6 +125,6 @@ impl<'t> Layer<'t> {
     fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
         let Self { fragments, light } = self;
         let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
-        Ok(LensLayer::from_fragments(fragments, *light, alpha)?)
+        LensLayer::from_fragments(fragments, *light, alpha)
     }
 }
