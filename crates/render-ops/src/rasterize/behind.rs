@@ -19,7 +19,6 @@
 //! *Multi-fragment effects on the GPU using the k-buffer*, I3D 2007.
 
 use std::ops::Range;
-use std::sync::atomic::{Ordering, compiler_fence};
 
 use bokashi_core::Scalar;
 
@@ -187,11 +186,8 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         Block { depths: self.depths[index], faces: self.faces[index] }
     }
 
-    /// The fence, which is no instruction, keeps the stores apart from the loads, as in `keep_nearer`: no masked
-    /// stores.
     #[inline(always)]
     fn put(&mut self, index: usize, block: Block<S>) {
-        compiler_fence(Ordering::SeqCst);
         (self.depths[index], self.faces[index]) = (block.depths, block.faces);
     }
 }
