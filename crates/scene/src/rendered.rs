@@ -62,6 +62,7 @@ impl Scene {
 }
 
 /// A note of the circles of confusion that views have at first, and that are cut to the largest one.
+/// It draws the views that may have such circles.
 ///
 /// # Errors
 /// As [`Scene::rendered`].
@@ -74,7 +75,7 @@ pub fn capped_note(scene: &Scene) -> Result<Option<String>, SceneError> {
     for (view, SceneView { name, .. }) in scene.views.iter().enumerate() {
         let tape = Tape::new();
         let values = Values { tape: &tape, learnt: None };
-        let capped = renderer.draw(&values, view, 1, false)?.capped().map_err(FitError::from)?;
+        let capped = renderer.capped(&values, view)?;
         total += capped;
         if capped > most.0 {
             most = (capped, name);

@@ -59,7 +59,11 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             false => findings.note(note),
         }
     }
-    lens_note(&scene)?.into_iter().chain(capped_note(&scene)?).for_each(|note| findings.note(note));
+    lens_note(&scene)?.into_iter().for_each(|note| findings.note(note));
+    match capped_note(&scene) {
+        Ok(note) => note.into_iter().for_each(|note| findings.note(note)),
+        Err(error) => findings.problem(error),
+    }
     for file in named_images(description) {
         // It was read when the scene was loaded.
         for remark in Picture::remarks_in(&scene.folder, file).unwrap_or_default() {

@@ -1,4 +1,4 @@
-//! The film of a fit: a few of its views above what they are to be, from the first step to the last.
+//! The film of a fit: a few of its views above what they are to be, over the steps.
 
 use std::cell::{OnceCell, RefCell};
 use std::path::Path;
@@ -14,8 +14,8 @@ use crate::failure::Failure;
 /// The files in the folder of results: the film, and its last frame for readers who asked for less motion.
 pub(super) const FILES: [&str; 2] = ["views/film.png", "views/film-end.png"];
 
-/// How often the views are drawn over a fit.
-const FRAMES: u64 = 14;
+/// The most parts into which frames divide a fit.
+const PARTS: u64 = 14;
 /// How many views are shown.
 const VIEWS: usize = 3;
 /// The width and the height of a view, in pixels, below twice this.
@@ -32,13 +32,15 @@ const GROUND: [u8; 3] = [38, 40, 48];
 #[derive(Debug, Default)]
 pub(super) struct Film {
     frames: RefCell<Vec<RgbImage>>,
+    /// The steps that were done at the first one.
+    start: OnceCell<u64>,
     targets: OnceCell<Vec<RgbImage>>,
 }
 
 impl Film {
     /// A listener that adds a frame now and then over a fit of `steps`. Ranks share it, and the first draws.
     pub(super) fn listener(&self, steps: u64) -> impl Listener<SceneFit> + '_ {
-        every((steps / FRAMES).max(1), |fit: &SceneFit| fit.on_first(|| self.add(fit)))
+        every(steps.div_ceil(PARTS).max(1), |fit: &SceneFit| fit.on_first(|| self.add(fit)))
     }
 
     /// Adds a frame: the first views that have an image, as they are seen now.
@@ -57,6 +59,7 @@ impl Film {
         let target = |view, reduce| fit.target(view, reduce);
         let targets = self.targets.get_or_init(|| tiles(&target).unwrap_or_default());
         if !targets.is_empty() {
+            self.start.get_or_init(|| fit.steps_done());
             let seen = tiles(&|view, reduce| fit.picture(view, reduce))?;
             self.frames.borrow_mut().push(sheet(&[seen, targets.clone()], GAP, GROUND));
         }
@@ -67,7 +70,9 @@ impl Film {
     /// image.
     pub(super) fn save(&self, out: &Path) -> Result<String, Failure> {
         let frames = self.frames.borrow();
-        let Some(last) = frames.last() else { return Ok(String::new()) };
+        let (Some(last), Some(start)) = (frames.last(), self.start.get()) else {
+            return Ok(String::new());
+        };
         let [film, end] = FILES;
         for (name, bytes) in [(film, animation(&frames, RATE)), (end, png(last))] {
             let bytes = bytes.map_err(|error| Failure::Work(error.to_string()))?;
@@ -78,8 +83,8 @@ impl Film {
         Ok(format!(
             "<div class=\"film\"><picture><source media=\"(prefers-reduced-motion:reduce)\" \
              srcset=\"{end}\"><img width=\"{width}\" alt=\"views turn into their targets\" \
-             src=\"{film}\"></picture><div><p>Above what is seen, below the targets, from the first step to \
-             the last.</p></div></div>"
+             src=\"{film}\"></picture><div><p>Above what is seen, below the targets, from step {start} \
+             on.</p></div></div>"
         ))
     }
 }

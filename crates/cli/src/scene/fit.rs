@@ -50,15 +50,13 @@ fn run_until(
     let resume = options.resume.as_ref().map(|file| file.as_deref().unwrap_or(&checkpoint));
     let load = |is_first| begin(options, is_first, &writing, interrupt);
     let mut fit = SceneFit::begin_among(ranks, &settings_of(options), resume, load)?;
-    let notes = notes(&fit)?;
+    let is_quiet = options.quiet || options.json.as_deref().is_some_and(is_standard_output);
+    let speaks = fit.is_first() && !is_quiet;
+    let notes = if speaks { notes(&fit)? } else { Vec::new() };
     if fit.is_first() {
         make_folder(options.out())?;
     }
-    let is_quiet = options.quiet || options.json.as_deref().is_some_and(is_standard_output);
-    let speaks = fit.is_first() && !is_quiet;
-    if speaks {
-        notes.into_iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
-    }
+    notes.into_iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
     let live = options.live.filter(|_| fit.is_first()).map(Live::start).transpose();
     let live = live.map_err(|error| Failure::Use(format!("--live needs a free port: {error}")))?;
     if let (Some(live), true) = (&live, speaks) {

@@ -44,7 +44,7 @@ pub enum Iris {
 impl Iris {
     /// How far its corners reach, in radii of the disc of the same variance: that of a polygon of circumradius c
     /// is `c^2 (2 + cos(2 pi / n)) / 12`, that of a disc `r^2 / 4`.
-    pub(crate) fn reach(self) -> f64 {
+    pub fn reach(self) -> f64 {
         match self {
             Self::Disc => 1.0,
             Self::Polygon { blades, .. } => (3.0 / (2.0 + (TAU / blades as f64).cos())).sqrt(),

@@ -19,7 +19,6 @@
 //! *Multi-fragment effects on the GPU using the k-buffer*, I3D 2007.
 
 use std::ops::Range;
-use std::sync::atomic::{Ordering, compiler_fence};
 
 use bokashi_core::Scalar;
 
@@ -60,6 +59,8 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
 impl<S: Scalar<Wide = S>> Plane<S> {
     /// Draws the band of `rows` of a layer that was found before. Where depths are equal, a face of `faces`
     /// is behind that of the layer if its position there is above what is drawn.
+    /// So `front` has to be drawn with the options of `view`: a face that is not in `faces` has the position of the
+    /// one before it.
     pub(super) fn draw_front<T: Scalar<Wide = S>>(
         &mut self,
         view: &Prepared<'_, T>,
@@ -187,7 +188,6 @@ impl<S: Scalar<Wide = S>> Plane<S> {
 
     #[inline(always)]
     fn put(&mut self, index: usize, block: Block<S>) {
-        compiler_fence(Ordering::SeqCst);
         (self.depths[index], self.faces[index]) = (block.depths, block.faces);
     }
 }

@@ -12,7 +12,7 @@ use crate::size::Size;
 /// Stands for "not seen".
 pub(super) const NO_SLOT: u32 = u32::MAX;
 
-/// Blocks of 512 bytes: rows that lie a multiple of it apart are drawn half of it farther apart.
+/// Rows whose blocks lie a multiple of so many apart share places in a core's cache: they get half as many more.
 const BLOCKS_APART: usize = 16;
 
 /// What the stages share.

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, Kernel, Picture, RasterOptions, RenderError, Silhouettes,
-    Size, Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize, srgb_encode,
+    Background, Blur, Cull, Fragments, Kernel, LensPicture, Picture, RasterOptions, RenderError,
+    Silhouettes, Size, Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize,
+    srgb_encode,
 };
 use glam::DMat4;
 
@@ -16,7 +17,7 @@ use super::lighting::Lighting;
 use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
 use super::normals::{MotionContext, Normals, VertexNormals};
 use super::parts::Parts;
-use super::view_camera::ViewCamera;
+use super::view_camera::{StepCamera, ViewCamera};
 use crate::description::{CullName, KernelName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::learnables::{BLUR, EXPOSURE, Frame, Learnable, Moves, Recorded, TABLE, Values};
@@ -63,14 +64,10 @@ impl<'t> Drawn<'t> {
         self.lens.is_none()
     }
 
-    /// How many circles of confusion its lens cuts to the largest one.
-    pub(crate) fn capped(&self) -> Result<usize, RenderError> {
-        match &self.lens {
-            Some((lens, behind)) if lens.may_cap => {
-                Ok(lens.picture(&self.visible, behind, self.background)?.capped)
-            }
-            _ => Ok(0),
-        }
+    /// What its lens makes of it; `None` where all of it is in focus.
+    fn lens_picture(&self) -> Result<Option<LensPicture<'t, f32>>, RenderError> {
+        let Some((lens, behind)) = &self.lens else { return Ok(None) };
+        lens.picture(&self.visible, behind, self.background).map(Some)
     }
 
     /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
@@ -228,29 +225,20 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let interpolated = self.interpolated(values, world)?;
-        let mut camera = self.scene.views[view].camera.scaled(reduce);
-        camera.view *= DMat4::from_translation(self.frame.origin);
-        let view_camera = ViewCamera { frame: &self.frame, view, camera };
+        let view_camera = self.view_camera(view, reduce);
+        let size = view_camera.camera.size;
         let step_camera = view_camera.in_step(values)?;
         let lens = match with_lens {
-            true => StepLens::new(&self.scene, values, &view_camera, reduce)?,
+            true => self.lens(values, world, (&view_camera, &step_camera), reduce)?,
             false => None,
         };
-        let mut clip = None;
-        let lens = match lens {
-            Some(lens) => {
-                let faces = self.parts.assembly.mesh().faces();
-                let positions = clip.insert(step_camera.clip(world)?).value();
-                Some(lens.with_margin(&positions, faces, camera.size, self.frame.near))
-            }
-            None => None,
-        };
+        let (lens, clip) = lens.unzip();
         let key = Key { view, reduce, margin: lens.map_or(0, |lens| lens.margin()) };
         let layers: Vec<_> = match cache.and_then(|cache| cache.get(key)) {
             Some(still) => still.iter().map(|still| still.on(values.tape)).collect(),
             None => {
                 let clip = clip.map_or_else(|| step_camera.clip(world), Ok)?;
-                let layers = self.layers(clip, interpolated, camera.size, lens)?;
+                let layers = self.layers(clip, interpolated, size, lens)?;
                 if let Some(cache) = cache {
                     cache.insert(key, layers.iter().map(Fragments::still).collect());
                 }
@@ -264,6 +252,42 @@ impl Renderer {
         let background = self.behind(if with_mask { 4 } else { 3 });
         let background = Background::Color(values.tape.constant(&background.as_slice().into()));
         Ok(Drawn { visible, background, lens: lens.map(|lens| (lens, behind)), world })
+    }
+
+    /// A view's camera, with its image made smaller `reduce` times.
+    fn view_camera(&self, view: usize, reduce: usize) -> ViewCamera<'_> {
+        let mut camera = self.scene.views[view].camera.scaled(reduce);
+        camera.view *= DMat4::from_translation(self.frame.origin);
+        ViewCamera { frame: &self.frame, view, camera }
+    }
+
+    /// A view's lens with its margin, and the vertices in clip space; `None` where everything is in focus.
+    fn lens<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        world: Var<'t, f32>,
+        (camera, step_camera): (&ViewCamera<'_>, &StepCamera<'t>),
+        reduce: usize,
+    ) -> Result<Option<(StepLens<'t>, Var<'t, f32>)>, FitError> {
+        let lens = StepLens::new(&self.scene, values, camera, reduce)?;
+        let Some(lens) = lens else { return Ok(None) };
+        let clip = step_camera.clip(world)?;
+        let faces = self.parts.assembly.mesh().faces();
+        let lens = lens.with_margin(&clip.value(), faces, camera.camera.size, self.frame.near);
+        Ok(Some((lens, clip)))
+    }
+
+    /// How many circles of confusion a view's lens cuts to the largest one. Only where it may cut some, the view
+    /// is drawn.
+    pub(crate) fn capped(&self, values: &Values<'_, '_>, view: usize) -> Result<usize, FitError> {
+        let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
+        let camera = self.view_camera(view, 1);
+        let lens = self.lens(values, world, (&camera, &camera.in_step(values)?), 1)?;
+        if !lens.is_some_and(|(lens, _)| lens.may_cap) {
+            return Ok(0);
+        }
+        let picture = self.draw(values, view, 1, false)?.lens_picture()?;
+        Ok(picture.map_or(0, |picture| picture.capped))
     }
 
     /// Layers with their light.
@@ -411,8 +435,8 @@ impl Renderer {
         if !self.is_dense() {
             return Ok(drawn.light()?.map(|light| self.toned(light))?.image()?);
         }
-        let mut image = match &drawn.lens {
-            Some((lens, behind)) => lens.picture(&drawn.visible, behind, drawn.background)?.image,
+        let mut image = match drawn.lens_picture()? {
+            Some(picture) => picture.image,
             None => drawn.light()?.image()?,
         };
         let pipeline = &self.scene.description.pipeline;

@@ -1,7 +1,5 @@
 //! A view's lens: how far beside the image it sees, and what it makes of surfaces one behind another.
 
-use std::f64::consts::TAU;
-
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
@@ -79,11 +77,7 @@ impl<'t> StepLens<'t> {
         let ThinLens { aperture, focus } = self.lens;
         let [aperture, focus] = [aperture, focus].map(|number| f64::from(number.item()));
         let largest = self.options.largest_radius;
-        // From the middle of a polygon to its corners, in radii of the disc that blurs as far.
-        let corner = match self.options.iris {
-            Iris::Polygon { blades, .. } => (3.0 / (2.0 + (TAU / blades as f64).cos())).sqrt(),
-            _ => 1.0,
-        };
+        let corner = self.options.iris.reach();
         let distances = Surroundings::new(size, corner * largest, near).distances(clip, faces);
         // Circles grow from the focus towards both ends.
         let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs();
@@ -131,6 +125,6 @@ impl<'t> Layer<'t> {
     fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
         let Self { fragments, light } = self;
         let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
-        Ok(LensLayer::from_fragments(fragments, *light, alpha)?)
+        LensLayer::from_fragments(fragments, *light, alpha)
     }
 }

@@ -50,12 +50,17 @@ fn image_with(model: &Model, rest: &str, pose: Option<[f32; 6]>) -> Tensor<f32> 
     first
 }
 
-/// The image of the only view of a scene without files, made smaller so many times.
-fn of_text(text: &str, reduce: usize) -> Tensor<f32> {
+/// What draws a scene without files.
+fn renderer_of(text: &str) -> Renderer {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.toml");
     fs::write(&file, text).unwrap();
-    let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
+    Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap()
+}
+
+/// The image of the only view of a scene without files, made smaller so many times.
+fn of_text(text: &str, reduce: usize) -> Tensor<f32> {
+    let renderer = renderer_of(text);
     let tape = Tape::new();
     let values = Values { tape: &tape, learnt: None };
     let drawn = renderer.draw(&values, 0, reduce, false).unwrap();
@@ -350,10 +355,7 @@ fn contrast(opening: &str, values: [f32; 2]) -> (f64, [f64; 2]) {
          [[views]]\nname = \"a\"\n[views.camera]\nsize = [48, 40]\nangle = 40\nposition = [0.2, 0.3, 4]\n\
          [pipeline]\ntone = \"linear\"\nlens = {{ {opening} = 1, focus = 1 }}\n[learn.lens]\nper_view = [\"focus\"]\n"
     );
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("scene.toml");
-    fs::write(&file, text).unwrap();
-    let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
+    let renderer = renderer_of(&text);
     let tape = Tape::new();
     let named = [(opening.to_owned(), values[0]), ("focus/a".to_owned(), values[1])];
     let parameters = named.iter().fold(Parameters::new(), |all, (name, value)| {
@@ -390,6 +392,22 @@ fn gradients_of_a_lens_are_those_of_differences() {
                 assert!((slopes[k] / quotient - 1.0).abs() < 0.025, "{opening} {at:?} by {k}");
             }
         }
+    }
+}
+
+#[test]
+fn circles_that_are_cut_are_counted_without_drawing_where_none_can_be() {
+    // Half of an aperture at this distance, and at most 64.
+    for (aperture, is_cut) in [(120, false), (140, true)] {
+        let renderer = renderer_of(&format!(
+            "[[meshes]]\nshape = \"plane\"\n[[views]]\nname = \"a\"\n[views.camera]\nsize = [32, 24]\n\
+             focal = 30\nposition = [0, 0, 4]\n[pipeline.lens]\naperture = {aperture}\nfocus = 2\n"
+        ));
+        let tape = Tape::new();
+        let capped = renderer.capped(&Values { tape: &tape, learnt: None }, 0).unwrap();
+        let done = tape.take_report().operations;
+        let is_drawn = done.iter().any(|operation| operation.name == "rasterize");
+        assert_eq!((capped > 0, is_drawn), (is_cut, is_cut), "{aperture}");
     }
 }
 

@@ -40,6 +40,10 @@ fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
         assert_eq!((&rest["parameters_hash"], &rest["steps"]), (&hash.into(), &9.into()));
         assert_eq!(rest["changed"], json!([]));
     }
+    for (out, start) in [("whole", 0), ("part", 6)] {
+        let page = fs::read_to_string(folder.join(out).join("index.html")).unwrap();
+        assert!(page.contains(&format!("from step {start} on")), "{out}");
+    }
     // Where all is done, it says so.
     let resumed = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
     let [told, _] = ended(folder, &resumed, 0);
