@@ -150,6 +150,7 @@ fn every_operation_has_a_benchmark() {
         "interpolate_differentials_indexed",
         "rasterize_behind",
         "depth_layers",
+        "eye_depth_slope",
         "composite",
         "exposure",
     ];
@@ -186,6 +187,7 @@ fn every_operation_is_compiled_ahead() {
         "interpolate_differentials_indexed",
         "rasterize_behind",
         "depth_layers",
+        "eye_depth_slope",
         "irradiance",
     ];
     for name in functions.iter().filter(|name| !others.contains(&name.as_str())) {

@@ -275,8 +275,8 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
         assert!(checkpoint(folder, "two") == expected, "two threads each");
         hashes.dedup();
         assert_eq!(hashes.len(), 1);
-        // The picture, the target and their difference.
-        assert_eq!(drawn[0].len(), 3 * VIEWS);
+        // The picture, the target and their difference; the film, and its end.
+        assert_eq!(drawn[0].len(), 3 * VIEWS + 2);
         assert!(drawn.iter().all(|own| *own == drawn[0]), "pictures differ");
     }
 }

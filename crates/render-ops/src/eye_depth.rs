@@ -19,12 +19,10 @@ use bokashi_core::{Scalar, Var};
 
 use crate::background::Background;
 use crate::depth_image::DepthImage;
-use crate::differentials::differentials;
 use crate::error::RenderError;
 use crate::face_quotients::{Quotient, quotients};
 use crate::fragments::Fragments;
 use crate::homogeneous::Vertex;
-use crate::interpolate_differentials::interpolate_differentials;
 use crate::picture::Composite;
 
 const NAME: &str = "eye_depth";
@@ -45,19 +43,6 @@ pub fn eye_depth<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<EyeDepth<'t, T>, RenderError> {
     Ok(EyeDepth { values: quotients::<T, Distance>(fragments)? })
-}
-
-/// How each fragment's distance along the view axis changes from pixel to pixel, to the right and down: `[N, 2]`,
-/// differentiable with respect to the clip positions that were rasterized.
-///
-/// # Errors
-/// As [`eye_depth`].
-pub fn eye_depth_slope<'t, T: Scalar>(
-    fragments: &Fragments<'t, T>,
-) -> Result<Var<'t, T>, RenderError> {
-    let w = fragments.clip.slice(1, 3..4)?;
-    let slopes = interpolate_differentials(w, fragments, differentials(fragments)?)?;
-    Ok(slopes.reshape([fragments.coverage.count(), 2])?)
 }
 
 /// Distances along the view axis at fragments: what [`eye_depth`] gives.

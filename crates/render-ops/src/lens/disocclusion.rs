@@ -13,8 +13,7 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::for_each_piece_mut;
 
-use super::hiding::is_gap;
-use super::surfaces::{LEAST_SHARE, Layer};
+use super::hiding::{LEAST_SHARE, is_gap};
 use crate::coverage::Coverage;
 use crate::defocus::{Iris, ROWS};
 use crate::scratch::Workbench;
@@ -44,7 +43,8 @@ struct Ranges {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Visible<'a, T> {
     pub(super) coverage: &'a Coverage,
-    pub(super) layer: Layer<'a, T>,
+    pub(super) alphas: &'a [T],
+    pub(super) radii: &'a [T],
     /// What is nearest at pixel centres, if that is a layer of its own: its coverage, alphas and radii.
     pub(super) at_centers: Option<(&'a Coverage, &'a [T], &'a [T])>,
     /// Of its pieces.
@@ -129,11 +129,11 @@ impl<T: Scalar> Visible<'_, T> {
         least.resize(width, self.background);
         for run in self.coverage.runs_in_row(row) {
             let first = run.pixels().start - row * width;
-            let radii = &self.layer.radii[run.fragments()];
+            let radii = &self.radii[run.fragments()];
             let to = &mut least[first..first + radii.len()];
             to.iter_mut().zip(radii).for_each(|(to, radius)| *to = radius.to_f64());
         }
-        let own = (self.coverage, self.layer.alphas, self.layer.radii);
+        let own = (self.coverage, self.alphas, self.radii);
         for (coverage, alphas, radii) in std::iter::once(own).chain(self.at_centers) {
             for run in coverage.runs_in_row(row) {
                 let first = run.pixels().start - row * width;
@@ -158,10 +158,10 @@ impl<T: Scalar> Visible<'_, T> {
             let column = boundary.pixels[index] as usize - row * width;
             let (mut near, mut far, mut left) = (f64::INFINITY, f64::NEG_INFINITY, 1.0);
             for &fragment in boundary.fragments_of(index) {
-                let radius = self.layer.radii[fragment as usize].to_f64();
+                let radius = self.radii[fragment as usize].to_f64();
                 (near, far) = (near.min(radius), far.max(radius));
                 left -= self.weights[fragment as usize - self.coverage.centers()].to_f64();
-                if self.layer.alphas[fragment as usize] < T::ONE {
+                if self.alphas[fragment as usize] < T::ONE {
                     lower(&mut tiles[column / COLUMNS], radius);
                 }
             }

@@ -24,6 +24,9 @@
 
 use bokashi_core::Scalar;
 
+/// A share of a pixel that is less is rounding.
+pub(super) const LEAST_SHARE: f64 = 1e-6;
+
 /// How much of b is seen beside a, and the derivatives by a and by b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gap<S> {

@@ -73,7 +73,6 @@ use crate::background::{Background, Kind};
 use crate::coverage::Coverage;
 use crate::defocus::{Bands, Blurs, Iris, ROWS, Strips, broken_rule};
 use crate::error::RenderError;
-use crate::eye_depth::{eye_depth, eye_depth_slope};
 use crate::fragments::Fragments;
 use crate::picture::{Composite, checked_channels};
 use crate::scratch::Workbench;
@@ -313,21 +312,7 @@ fn check_numbers<T: Scalar>(
     }
 }
 
-impl<'a, 't, T: Scalar> LensLayer<'a, 't, T> {
-    /// A layer at the distances of its fragments, and with their slopes, of colours times alpha and alphas.
-    ///
-    /// # Errors
-    /// As [`eye_depth`](crate::eye_depth()); [`RenderError::Outline`] for fragments of an outline.
-    pub fn from_fragments(
-        fragments: &'a Fragments<'t, T>,
-        premultiplied: Var<'t, T>,
-        alpha: Var<'t, T>,
-    ) -> Result<Self, RenderError> {
-        let distance = eye_depth(fragments)?.values();
-        let slope = Some(eye_depth_slope(fragments)?);
-        Ok(Self { fragments, premultiplied, alpha, distance, slope })
-    }
-
+impl<'t, T: Scalar> LensLayer<'_, 't, T> {
     /// # Errors
     /// As [`lens_picture`].
     fn check(&self, count: usize, channels: usize) -> Result<(), RenderError> {
@@ -468,7 +453,6 @@ impl DrawLens {
         radii: &[Vec<T>],
         disocclusion: &mut Disocclusion,
     ) {
-        let [colors, alphas, distances] = [3, 4, 5].map(|input| inputs.data(input));
         let optics = self.optics([inputs.data(1), inputs.data(2)]);
         let at_centers = self.hidden.first().map(|first| {
             let input = 6 + usize::from(self.has_weights);
@@ -477,7 +461,8 @@ impl DrawLens {
         let visible = Visible {
             at_centers,
             coverage: &self.visible,
-            layer: Layer { colors, alphas, distances, slopes: &[], radii: &radii[0] },
+            alphas: inputs.data(4),
+            radii: &radii[0],
             weights: if self.has_weights { inputs.data(6) } else { &[] },
             background: optics.radius(T::Wide::from_f64(self.far)).0.to_f64(),
         };

@@ -16,15 +16,12 @@ use bokashi_core::Scalar;
 
 use super::circles::{Circle, Optics};
 use super::disocclusion::Disocclusion;
-use super::hiding::{Behind, Link, Surface, behind_piece, share_behind};
+use super::hiding::{Behind, LEAST_SHARE, Link, Surface, behind_piece, share_behind};
 use super::spans::Span;
 use super::tilt;
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::defocus::{Position, Rungs};
-
-/// A share of a pixel that is less is rounding.
-pub(super) const LEAST_SHARE: f64 = 1e-6;
 
 /// Stands for "no fragment".
 const NONE: u32 = u32::MAX;

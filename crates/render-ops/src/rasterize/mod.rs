@@ -60,8 +60,8 @@ use crate::raster_options::{RasterOptions, Rasterization, Sampling};
 /// have no fragment at their centre. They have a fragment for each visible piece, behind all other
 /// fragments, and [`Fragments::weight`] is there.
 ///
-/// `how` is a [`Size`](crate::Size), [`RasterOptions`], or for exact coverage options with the attributes that will be shown:
-/// `rasterize(clip, &mesh, options.creases(&[colors.into()]))`. The mesh of the fragments' coverage then has the
+/// `how` is a [`Size`](crate::Size), [`RasterOptions`], or for exact coverage options with the attributes that will be
+/// shown: `rasterize(clip, &mesh, options.creases(&[colors.into()]))`. The mesh of the fragments' coverage then has the
 /// creases as seams.
 ///
 /// Smaller z / w wins; where it is equal, the lower face index wins. Faces may reach behind the eye

@@ -4,7 +4,7 @@ use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Fragments, Iris, LensLayer, LensPicture, RenderError, Size, ThinLens,
-    ThinLensOptions, lens_picture,
+    ThinLensOptions, eye_depth, lens_picture,
 };
 
 use super::margin::{Surroundings, margin};
@@ -125,6 +125,8 @@ impl<'t> Layer<'t> {
     fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
         let Self { fragments, light } = self;
         let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
-        LensLayer::from_fragments(fragments, *light, alpha)
+        let distance = eye_depth(fragments)?.values();
+        // Slopes would make apertures that are learnt from balls, whose far rims are not seen, 5 % too small.
+        Ok(LensLayer { fragments, premultiplied: *light, alpha, distance, slope: None })
     }
 }
