@@ -4,8 +4,8 @@ use bokashi_core::Scalar;
 
 use super::frame::Frame;
 use super::hiding::{LinkBar, Surface, pull_back_share};
-use super::spans::{Lines, Span};
-use super::surfaces::{Layer, Part, Parts, Share, View};
+use super::spans::Lines;
+use super::surfaces::{Layer, Part, Parts, Share, Span, View};
 use super::tilt::{self, TiltBar};
 use crate::background::Kind;
 use crate::defocus::{Blurs, ROWS, Strips, halved, mean_weight};

@@ -6,19 +6,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::hiding::Surface;
-use super::surfaces::View;
+use super::surfaces::{Span, View};
 use crate::defocus::{Strip, mean_weight};
 use crate::size::Size;
-
-/// Neighbouring pixels of a row that show one surface as a whole.
-#[derive(Debug, Clone)]
-pub(super) struct Span {
-    pub(super) row: usize,
-    pub(super) columns: Range<usize>,
-    /// What the first pixel shows; the others show the fragments after it, or the background, too.
-    pub(super) surface: Surface,
-}
 
 /// How the circles of a part of a span lie.
 #[derive(Debug, Clone, Copy)]
@@ -31,16 +21,6 @@ pub(super) struct Between {
 }
 
 impl Span {
-    /// What a column of it shows.
-    #[inline(always)]
-    pub(super) fn surface_at(&self, column: usize) -> Surface {
-        let Surface { layer, fragment } = self.surface;
-        if self.surface == Surface::BACKGROUND {
-            return self.surface;
-        }
-        Surface { layer, fragment: fragment + (column - self.columns.start) as u32 }
-    }
-
     /// Some columns of it.
     fn part(&self, columns: Range<usize>) -> Self {
         Self { row: self.row, surface: self.surface_at(columns.start), columns }

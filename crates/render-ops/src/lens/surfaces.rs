@@ -17,7 +17,6 @@ use bokashi_core::Scalar;
 use super::circles::{Circle, Optics};
 use super::disocclusion::Disocclusion;
 use super::hiding::{Behind, LEAST_SHARE, Link, Surface, behind_piece, share_behind};
-use super::spans::Span;
 use super::tilt;
 use crate::background::Kind;
 use crate::coverage::Coverage;
@@ -87,6 +86,27 @@ pub(super) struct Parts<S> {
 impl<S> Default for Parts<S> {
     fn default() -> Self {
         Self { parts: Vec::new(), chain: Vec::new(), least_radius: 0.0, piece: 0 }
+    }
+}
+
+/// Neighbouring pixels of a row that show one surface as a whole.
+#[derive(Debug, Clone)]
+pub(super) struct Span {
+    pub(super) row: usize,
+    pub(super) columns: Range<usize>,
+    /// What the first pixel shows; the others show the fragments after it, or the background, too.
+    pub(super) surface: Surface,
+}
+
+impl Span {
+    /// What a column of it shows.
+    #[inline(always)]
+    pub(super) fn surface_at(&self, column: usize) -> Surface {
+        let Surface { layer, fragment } = self.surface;
+        if self.surface == Surface::BACKGROUND {
+            return self.surface;
+        }
+        Surface { layer, fragment: fragment + (column - self.columns.start) as u32 }
     }
 }
 
