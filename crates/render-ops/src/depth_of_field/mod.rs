@@ -1,7 +1,7 @@
 //! Depth of field: each pixel is blurred by how far its depth lies out of focus.
 //!
 //! It does not know what hides what. Against an integral over the lens its pictures are off by 1.8 to 9 % of full
-//! intensity, with an iris by 2 to 9 %, and its gradients by aperture and focus have 0.3 to 0.8 of their size: fits
+//! intensity, and with an iris by 2 to 9 %. Its gradients by aperture and focus have 0.3 to 0.8 of their size, so fits
 //! through it are biased. [`lens_picture`](crate::lens_picture()) is off by 0.1 to 1.3 %, and takes hidden layers for
 //! it.
 //!

@@ -59,7 +59,7 @@ fn renderer_of(text: &str) -> Renderer {
 }
 
 /// The image of the only view of a scene without files, made smaller so many times.
-fn of_text(text: &str, reduce: usize) -> Tensor<f32> {
+fn draw_text(text: &str, reduce: usize) -> Tensor<f32> {
     let renderer = renderer_of(text);
     let tape = Tape::new();
     let values = Values { tape: &tape, learnt: None };
@@ -327,9 +327,9 @@ fn a_blur_shrinks_with_the_image() {
     };
     let lens = "[pipeline.lens]\naperture = 8\nfocus = 20\n";
     for (rest, bound) in [("blur = 6\n", 1e-3), (lens, 0.01)] {
-        let whole = of_text(&scene(rest), 1);
+        let whole = draw_text(&scene(rest), 1);
         for reduce in [2, 3] {
-            let small = of_text(&scene(rest), reduce);
+            let small = draw_text(&scene(rest), reduce);
             let side = 96 / reduce;
             // Means over blocks of the whole image.
             let mean = |row: usize, column: usize, k: usize| {
@@ -420,7 +420,7 @@ fn light_of_lamps_and_of_an_environment_adds_up() {
     let sky = "[environment]\ncolor = [0.5, 0.25, 1]\nsize = 8\n";
     let [both, lamp, sky] =
         [format!("{scene}{lamp}{sky}"), format!("{scene}{lamp}"), format!("{scene}{sky}")]
-            .map(|text| of_text(&text, 1));
+            .map(|text| draw_text(&text, 1));
     let mean = |image: &Tensor<f32>| image.data().iter().sum::<f32>() / image.size() as f32;
     assert!(mean(&lamp) > 0.02 && mean(&sky) > 0.02);
     for (k, both) in both.data().iter().enumerate() {
