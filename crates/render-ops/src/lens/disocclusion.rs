@@ -194,3 +194,43 @@ fn find_jumps([above, below]: [&Ranges; 2], tiles: &mut [f64]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_tile_knows_of_the_nearest_jump_by_rows_and_columns() {
+        let (tiles, rows, step) = (7, 5, 16.0);
+        let jumps = [(3, -4.0), (17, 9.0), (30, -20.0)];
+        let mut least = vec![f64::INFINITY; tiles * rows];
+        jumps.iter().for_each(|&(tile, near)| least[tile] = near);
+        let mut found = Disocclusion { least, tiles, ..Disocclusion::default() };
+        found.spread(step);
+        for tile in 0..tiles * rows {
+            let [row, column] = [tile / tiles, tile % tiles];
+            let from = |&(other, near): &(usize, f64)| {
+                let far = row.abs_diff(other / tiles).max(column.abs_diff(other % tiles));
+                near + step * far as f64
+            };
+            let expected = jumps.iter().map(from).fold(f64::INFINITY, f64::min) - step - SLACK;
+            assert_eq!(found.least_radius([row * ROWS + 5, column * COLUMNS + 11]), expected);
+        }
+    }
+
+    #[test]
+    fn a_jump_counts_in_the_tile_at_its_left_or_above_with_its_nearer_radius() {
+        // A pixel in front, at the border of two tiles, and one that hardly differs.
+        let mut above = Ranges { least: vec![8.0; 40], largest: vec![8.0; 40] };
+        let mut below = above.clone();
+        (below.least[16], below.largest[16]) = (-6.0, -6.0);
+        (above.least[35], above.largest[35]) = (7.6, 7.6);
+        let mut tiles = [f64::INFINITY; 3];
+        find_jumps([&above, &below], &mut tiles);
+        assert_eq!(tiles, [-6.0, -6.0, f64::INFINITY]);
+        // A pixel that shows both.
+        above.largest[39] = 90.0;
+        find_jumps([&above, &below], &mut tiles);
+        assert_eq!(tiles[2], 8.0);
+    }
+}
