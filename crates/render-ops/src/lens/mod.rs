@@ -31,9 +31,9 @@
 //!
 //! | aperture, pixels | 5 | 20 | 80 |
 //! |---|---|---|---|
-//! | a board in front of a wall in focus | 38, 52 | 39, 59 | 46, 83 |
-//! | a floor from the eye through the focus | 49, 61 | 69, 83 | 84, 124 |
-//! | the floor with its slopes | 69, 105 | 90, 132 | 103, 170 |
+//! | a board in front of a wall in focus | 37, 55 | 39, 60 | 48, 86 |
+//! | a floor from the eye through the focus | 47, 62 | 70, 83 | 83, 128 |
+//! | the floor with its slopes | 68, 106 | 91, 135 | 104, 172 |
 //!
 //! # Limits
 //! What no ray through the middle of the lens meets is not known: the far side of a ball's rim, and surfaces
