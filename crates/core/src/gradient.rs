@@ -211,6 +211,13 @@ impl<T: Scalar> Accumulators<'_, T> {
         self.wanted[self.indices[i] as usize] != Wanted::Nothing
     }
 
+    /// Whether the gradient of input `i` was asked for. Otherwise it is at most a step on the way to one that was,
+    /// and an operation may add what follows from it to the gradients further down instead.
+    #[inline]
+    pub fn is_result(&self, i: usize) -> bool {
+        self.wanted[self.indices[i] as usize] == Wanted::Result
+    }
+
     /// The gradient of input `i`, where it is wanted.
     #[inline]
     pub fn get(&mut self, i: usize) -> Option<&mut Accumulator<T>> {

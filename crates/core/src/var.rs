@@ -65,6 +65,16 @@ impl<'t, T: Scalar> Var<'t, T> {
         self.tape.inner.borrow().operation(self.index as usize).flatten()
     }
 
+    /// Whether the operation of that name computed the value from `input`, so that a gradient can go there.
+    pub fn is_computed_from(self, operation: &str, input: Self) -> bool {
+        let Inner { nodes, links, .. } = &*self.tape.inner.borrow();
+        let after = nodes.partition_point(|node| node.first_output <= self.index);
+        let Some(node) = after.checked_sub(1).map(|index| &nodes[index]) else { return false };
+        node.outputs().contains(&(self.index as usize))
+            && links[node.links()].contains(&input.index)
+            && self.operation() == Some(operation)
+    }
+
     /// The same value without a gradient: what lies below it is held constant.
     #[must_use]
     pub fn detach(self) -> Self {

@@ -72,7 +72,12 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Around the centre of pixel `pixel`.
     #[inline(always)]
     pub(crate) fn new(vertices: [Vertex<S>; 3], factors: [S; 3], pixel: usize, size: Size) -> Self {
-        let origin = size.center(pixel);
+        Self::around(vertices, factors, size.center(pixel))
+    }
+
+    /// Around a pixel centre.
+    #[inline(always)]
+    pub(crate) fn around(vertices: [Vertex<S>; 3], factors: [S; 3], origin: [S; 2]) -> Self {
         let local = vertices.map(|vertex| vertex.around(origin));
         let [p, q, r] = local;
         let coefficients = [edge(q, r), edge(r, p), edge(p, q)];

@@ -35,15 +35,15 @@ pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
 
 /// Whether all numbers are finite, without a branch for each.
 #[inline(always)]
-fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
+pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
     numbers.iter().fold(true, |all, number| all & number.is_finite())
 }
 
 /// Fragments that are summed side by side, where a face has many: as many as the widest vectors hold.
-const PARTS: usize = 8;
+pub(crate) const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-const MANY: usize = 4 * PARTS;
+pub(crate) const MANY: usize = 4 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
 pub(crate) trait Terms<T: Scalar> {
@@ -140,6 +140,19 @@ impl Layout<'_> {
         self.add_to_and_visit(gradient, by_face, &mut [], |_, _, _| ());
     }
 
+    /// [`Layout::add_to`], of one slot.
+    pub(crate) fn add_slot<T: Scalar>(
+        &self,
+        gradient: &mut Accumulator<T>,
+        by_face: &impl FaceSums<T::Wide>,
+        slot: usize,
+    ) {
+        let (wide, narrow) = (vec![T::Wide::ZERO; 3 * self.width], vec![T::ZERO; 3 * self.width]);
+        let vertices = gradient.entries();
+        let mut add = |face, rows: &[T]| self.add_face(vertices, face, rows);
+        self.walk(slot..slot + 1, by_face, &mut [], &|_, _, _| (), (wide, narrow), &mut add);
+    }
+
     /// [`Layout::add_to`], and in the same walk `visit(slot, fragments, entries)` for each slot, with its
     /// fragments and their entries of `entries`: what a slot's fragments have upstream is then read from
     /// memory once. Each fragment has as many entries.
@@ -182,20 +195,7 @@ impl Layout<'_> {
         memory: (W, N),
     ) {
         let vertices = gradient.entries();
-        let faces = self.mesh.faces();
-        let mut add = |face: usize, rows: &[T]| {
-            let are_finite = are_finite(rows);
-            let width = rows.len() / 3;
-            for (&vertex, row) in faces[face].iter().zip(rows.chunks_exact(width)) {
-                let entries = &mut vertices[vertex as usize * width..][..width];
-                let pairs = entries.iter_mut().zip(row);
-                if are_finite {
-                    pairs.for_each(|(entry, &term)| *entry += term);
-                } else {
-                    pairs.for_each(|(entry, &term)| add_term(entry, term));
-                }
-            }
-        };
+        let mut add = |face: usize, rows: &[T]| self.add_face(vertices, face, rows);
         if !self.runs.is_shared() {
             let slots = 0..self.runs.slots.len();
             return self.walk(slots, by_face, entries, &visit, memory, &mut add);
@@ -215,6 +215,22 @@ impl Layout<'_> {
                 add(slot.face as usize, rows);
             }
         });
+    }
+
+    /// Adds the rows of a face's vertices to `vertices: [V, width]`.
+    #[inline(always)]
+    fn add_face<T: Scalar>(&self, vertices: &mut [T], face: usize, rows: &[T]) {
+        let are_finite = are_finite(rows);
+        let width = rows.len() / 3;
+        for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
+            let entries = &mut vertices[vertex as usize * width..][..width];
+            let pairs = entries.iter_mut().zip(row);
+            if are_finite {
+                pairs.for_each(|(entry, &term)| *entry += term);
+            } else {
+                pairs.for_each(|(entry, &term)| add_term(entry, term));
+            }
+        }
     }
 
     /// Calls `visit` with each of `slots`, and `emit` with its face and the gradients of its vertices.

@@ -81,6 +81,13 @@ pub(crate) fn are_one<S: Scalar>([p, q, r]: [S; 3]) -> bool {
 }
 
 impl<S: Scalar> Vertex<S> {
+    /// The vertex `(x, y, w)` in clip space, times no factor.
+    #[inline(always)]
+    pub(crate) fn unscaled([x, y, w]: [S; 3], size: Size) -> Self {
+        let [width, height] = size.extents::<S>();
+        Self { x: x * width, y: y * height, z: S::ZERO, w }
+    }
+
     /// The vertex times `factor`.
     pub(crate) fn scaled(self, factor: S) -> Self {
         let Self { x, y, z, w } = self;

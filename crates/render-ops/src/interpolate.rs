@@ -16,6 +16,7 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 use std::ops::Range;
 
 use crate::attributes::Attributes;
+use crate::direct_gradients::DirectGradients;
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout, Terms, sum_weighted};
 use crate::fragments::Fragments;
@@ -50,12 +51,10 @@ pub fn interpolate_indexed<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("interpolate", attributes.tape())?;
-    let op = Interpolate(Attributes::new(indices, coverage)?);
-    if op.0.coverage.is_outline {
-        op.0.channels("interpolate", &attributes.shape())?;
-        if !is_uniform(attributes, indices) {
-            op.0.coverage.check_shaded("interpolate")?;
-        }
+    let shown = Attributes::new(indices, coverage)?;
+    let channels = shown.channels("interpolate", &attributes.shape())?;
+    if shown.coverage.is_outline && !is_uniform(attributes, indices) {
+        shown.coverage.check_shaded("interpolate")?;
     }
     let tape = attributes.tape();
     let mut barycentrics = fragments.barycentrics;
@@ -71,7 +70,12 @@ pub fn interpolate_indexed<'t, T: Scalar>(
         );
         barycentrics = barycentrics.detach();
     }
-    tape.apply(op, &[attributes, barycentrics])
+    let is_direct = channels == 3
+        && barycentrics.needs_gradient()
+        && barycentrics.is_computed_from("rasterize", fragments.clip);
+    let inputs = [attributes, barycentrics, fragments.clip];
+    let count = if is_direct { 3 } else { 2 };
+    tape.apply(Interpolate { shown, is_direct }, &inputs[..count])
 }
 
 /// Whether `attributes` are `[A, C]` with all rows the same.
@@ -85,8 +89,13 @@ fn is_uniform<T: Scalar>(attributes: Var<'_, T>, indices: &Mesh) -> bool {
         && value.data().iter().take(channels).all(|entry| entry.is_finite())
 }
 
-/// Inputs: attributes `[A, C]`, barycentrics `[N, 2]`.
-struct Interpolate(Attributes);
+/// Inputs: attributes `[A, C]`, barycentrics `[N, 2]`, and where these lead to clip positions `[V, 4]` directly,
+/// those, too.
+struct Interpolate {
+    shown: Attributes,
+    /// Whether the attributes have three channels, and the barycentrics are those of `rasterize`.
+    is_direct: bool,
+}
 
 impl<T: Scalar> Op<T> for Interpolate {
     type Saved = ();
@@ -102,10 +111,10 @@ impl<T: Scalar> Op<T> for Interpolate {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), RenderError> {
-        let channels = self.0.channels("interpolate", inputs.shape(0))?;
+        let channels = self.shown.channels("interpolate", inputs.shape(0))?;
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
-        let values = outputs.try_push("interpolate", [self.0.coverage.count(), channels])?;
-        self.0.for_each_face_mut(
+        let values = outputs.try_push("interpolate", [self.shown.coverage.count(), channels])?;
+        self.shown.for_each_face_mut(
             attributes,
             values,
             channels,
@@ -119,12 +128,18 @@ impl<T: Scalar> Op<T> for Interpolate {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
+        let is_direct = self.is_direct;
+        let keep = Keep::NOTHING.input_if(1, inputs.needs(0) | is_direct);
+        keep.input_if(0, inputs.needs(1)).input_if(2, is_direct)
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
+        // Who asks for the gradient of the barycentrics gets it.
+        if self.is_direct && gradients.needs(2) && !gradients.is_result(1) {
+            return self.pull_back_directly(kept, gradients);
+        }
         let mut barycentrics_bar = gradients.take(1);
         let uv_bar = barycentrics_bar.as_mut().map(Accumulator::entries_or_fresh);
         match (gradients.get(0), uv_bar) {
@@ -140,7 +155,7 @@ impl<T: Scalar> Op<T> for Interpolate {
                         #[inline(always)]
                         |slot, fragments, uv_bar| {
                             let face = layout.runs.face(slot);
-                            let corners = self.0.corners(kept.input(0), channels, face);
+                            let corners = self.shown.corners(kept.input(0), channels, face);
                             let s_bar =
                                 &shares.s_bar[fragments.start * channels..fragments.end * channels];
                             pull_back_face(corners, s_bar, uv_bar, is_fresh);
@@ -153,7 +168,7 @@ impl<T: Scalar> Op<T> for Interpolate {
                     layout.add_to(attributes_bar, &shares);
                 }
             }
-            (None, Some((uv_bar, is_fresh))) => self.0.for_each_face_mut(
+            (None, Some((uv_bar, is_fresh))) => self.shown.for_each_face_mut(
                 kept.input(0),
                 uv_bar,
                 channels,
@@ -172,6 +187,52 @@ impl<T: Scalar> Op<T> for Interpolate {
 }
 
 impl Interpolate {
+    /// Adds the gradients of three channels to those of attributes and clip positions: see `direct_gradients`.
+    fn pull_back_directly<T: Scalar>(
+        &self,
+        kept: &Kept<'_, T>,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let Attributes { indices, coverage } = &self.shown;
+        let (attributes, uv, s_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
+        let direct = DirectGradients {
+            coverage,
+            indices,
+            attributes: attributes.as_chunks().0,
+            barycentrics: uv.as_chunks().0,
+            clip: kept.input(2).as_chunks().0,
+            s_bar: s_bar.as_chunks().0,
+        };
+        let mut attributes_bar = gradients.take(0);
+        let clip_bar = gradients.get(2).expect("it is wanted");
+        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());
+        // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
+        let pieces = coverage.pieces.slots.len();
+        if left_out.len() + pieces > 0 {
+            let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
+            let by_kind = [left_out, (0..pieces).collect()];
+            let before = [0, coverage.centers()];
+            for (((layout, shares), slots), before) in
+                self.shares(uv, s_bar, 3).into_iter().zip(by_kind).zip(before)
+            {
+                for slot in slots {
+                    let fragments = layout.runs.fragments_of(slot..slot + 1);
+                    let corners = self.shown.corners(attributes, 3, layout.runs.face(slot));
+                    let s_bar = &shares.s_bar[3 * fragments.start..3 * fragments.end];
+                    let fragments = before + fragments.start..before + fragments.end;
+                    let uv_bar = &mut uv_bar[2 * fragments.start..2 * fragments.end];
+                    pull_back_face(corners, s_bar, uv_bar, false);
+                    if let Some(attributes_bar) = &mut attributes_bar {
+                        layout.add_slot(attributes_bar, &shares, slot);
+                    }
+                }
+            }
+        }
+        if let Some(attributes_bar) = attributes_bar {
+            gradients.put_back(0, attributes_bar);
+        }
+    }
+
     /// The shares of fragments at pixel centres, and those of pieces.
     fn shares<'a, T>(
         &'a self,
@@ -179,9 +240,9 @@ impl Interpolate {
         s_bar: &'a [T],
         channels: usize,
     ) -> [(Layout<'a>, Shares<'a, T>); 2] {
-        self.0.coverage.kinds().map(|(runs, first)| {
+        self.shown.coverage.kinds().map(|(runs, first)| {
             let (barycentrics, s_bar) = (&barycentrics[2 * first..], &s_bar[first * channels..]);
-            let layout = Layout { runs, mesh: &self.0.indices, width: channels };
+            let layout = Layout { runs, mesh: &self.shown.indices, width: channels };
             (layout, Shares { barycentrics, s_bar, channels })
         })
     }

@@ -69,6 +69,7 @@ mod depth;
 mod depth_image;
 mod depth_of_field;
 mod differentials;
+mod direct_gradients;
 mod dispatch;
 mod downsample;
 mod edge_functions;

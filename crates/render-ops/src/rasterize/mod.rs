@@ -45,6 +45,7 @@ use smallvec::SmallVec;
 use self::canvas::Weigh;
 use self::exact::Adjoints;
 use self::pull_back::WeightPullBack;
+pub(crate) use self::pull_back::has_even_vertices;
 use self::visibility::Visibility;
 use crate::boundary::BoundaryCounts;
 use crate::coverage::Coverage;

@@ -37,12 +37,16 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
     #[inline(always)]
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
+        let entries = 2 * fragments.start..2 * fragments.end;
+        // Of a face whose vertices have got their gradients directly: see `direct_gradients`.
+        if self.uv_bar[entries.clone()].iter().all(|&bar| bar == T::ZERO) {
+            return rows.fill(T::Wide::ZERO);
+        }
         let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
         if !has_even_weights(corners, *size) {
             return self.sum_by_edges(slot, fragments, rows);
         }
         let face = self.face(slot);
-        let entries = 2 * fragments.start..2 * fragments.end;
         let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
         let sums = sum_weighted::<T, Slopes>(uv, uv_bar.as_chunks::<2>().0);
         let scale = -T::Wide::ONE / face.determinant();
@@ -69,11 +73,22 @@ fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -
         && (are_tame(corners) || corners.iter().all(|corner| is_near(&corner.vertex, size)))
 }
 
+/// [`has_even_weights`], of vertices that no factor need multiply, without a branch.
+#[inline(always)]
+pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
+    let [p, q, r] = vertices.map(|vertex| vertex.w);
+    let [least, largest] = [least([p, q, r]), largest([p, q, r])];
+    let are_near = vertices.iter().fold(true, |all, vertex| all & is_near(vertex, size));
+    let in_range = (S::from_f64(1e-60) <= least) & (largest < S::from_f64(1e50));
+    are_near & in_range & (largest < S::from_f64(EVEN_DEPTHS) * least)
+}
+
 /// Whether a vertex is within [`EVEN_EXTENTS`].
+#[inline(always)]
 fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
     let [width, height] =
         [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
-    vertex.x.abs() <= width * vertex.w && vertex.y.abs() <= height * vertex.w
+    (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)
 }
 
 impl<T: Scalar> WeightPullBack<'_, T> {

@@ -1,0 +1,296 @@
+//! From the gradients of interpolated values to those of vertices, past those of the barycentrics.
+//!
+//! Where nobody asks for the gradients of u and v, no fragment needs any. `rasterize` would sum over a face's
+//! fragments `S_ij = sum b_i (b_bar_j - m)` (see `rasterize::pull_back`), with `m = sum_j b_bar_j b_j`,
+//! `b_bar_0 = sum_c s_bar_c (A_0c - A_2c)`, `b_bar_1 = sum_c s_bar_c (A_1c - A_2c)` and `b_bar_2 = 0`. The attributes'
+//! own gradients are the sums `G_ci = sum b_i s_bar_c`. With these and `M_i = sum b_i m`:
+//! `S_i0 = sum_c G_ci (A_0c - A_2c) - M_i`, `S_i1 = sum_c G_ci (A_1c - A_2c) - M_i`, `S_i2 = -M_i`.
+//! So twelve sums of a face give both gradients. What follows from the sums is worked out for some faces side by
+//! side.
+//!
+//! Faces whose third weight loses digits, and those whose sums leave the range of the numbers, are left to
+//! `rasterize`, which takes more care of them.
+
+use std::ops::Range;
+
+use bokashi_core::{Accumulator, Scalar};
+
+use crate::coverage::Coverage;
+use crate::dispatch::dispatch;
+use crate::edge_functions::LocalFace;
+use crate::face_sums::{MANY, PARTS, are_finite};
+use crate::homogeneous::Vertex;
+use crate::mesh::Mesh;
+use crate::rasterize::has_even_vertices;
+use crate::size::Size;
+
+/// What the gradients of three channels at the centres of pixels lead to.
+pub(crate) struct DirectGradients<'a, T> {
+    pub(crate) coverage: &'a Coverage,
+    /// The vertices that have the attributes.
+    pub(crate) indices: &'a Mesh,
+    pub(crate) attributes: &'a [[T; 3]],
+    pub(crate) barycentrics: &'a [[T; 2]],
+    pub(crate) clip: &'a [[T; 4]],
+    /// The gradients of the values.
+    pub(crate) s_bar: &'a [[T; 3]],
+}
+
+/// The gradients of a face's vertices.
+#[derive(Clone, Copy)]
+struct FaceBars<T> {
+    clip: [[T; 4]; 3],
+    attributes: [[T; 3]; 3],
+}
+
+/// The sums `G_ci` of each channel c, and `M_i`.
+type Sums<S> = [[S; 3]; 4];
+
+/// `A_0 - A_2` and `A_1 - A_2`.
+type Slopes<S> = [[S; 3]; 2];
+
+impl<T: Scalar> DirectGradients<'_, T> {
+    /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes.
+    /// Returns the slots of the faces that are left out.
+    pub(crate) fn add_to(
+        &self,
+        clip_bar: &mut Accumulator<T>,
+        attributes_bar: Option<&mut Accumulator<T>>,
+    ) -> Vec<usize> {
+        let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
+        let mut attributes_bar =
+            attributes_bar.map(|attributes| attributes.entries().as_chunks_mut::<3>().0);
+        let (centers, faces) = (&self.coverage.centers, self.coverage.mesh().faces());
+        let mut left_out = Vec::new();
+        let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
+            let Some(bars) = bars else { return left_out.push(slot) };
+            let face = centers.face(slot);
+            add_rows(clip_bar, faces[face], &bars.clip);
+            if let Some(attributes_bar) = &mut attributes_bar {
+                add_rows(attributes_bar, self.indices.faces()[face], &bars.attributes);
+            }
+        };
+        if centers.is_shared() {
+            let work = |slots: Range<usize>, _: usize, _: &mut [T]| {
+                let mut all_bars = Vec::with_capacity(slots.len());
+                self.walk(slots.clone(), &mut |_, bars| all_bars.push(bars.copied()));
+                (slots, all_bars)
+            };
+            centers.merge_bands_mut(0, &mut [], work, |(slots, all_bars)| {
+                slots.zip(&all_bars).for_each(|(slot, bars)| add(slot, bars.as_ref()));
+            });
+        } else {
+            self.walk(0..centers.slots.len(), &mut add);
+        }
+        left_out
+    }
+
+    /// Calls `emit` with each of `slots` and the gradients of its face's vertices.
+    fn walk(&self, slots: Range<usize>, emit: &mut impl FnMut(usize, Option<&FaceBars<T>>)) {
+        dispatch::<T, _>(Walk { direct: self, slots, emit });
+    }
+
+    /// Puts what the gradients of the face of `slot` follow from into a lane.
+    #[inline(always)]
+    fn put(&self, group: &mut Group<T>, lane: usize, slot: usize) {
+        let Coverage { mesh, size, centers, .. } = self.coverage;
+        let face = centers.face(slot);
+        let vertices = mesh.faces()[face].map(|vertex| self.clip[vertex as usize]);
+        let corners =
+            self.indices.faces()[face].map(|vertex| self.attributes[vertex as usize].map(T::widen));
+        let slopes = [0, 1].map(|k| [0, 1, 2].map(|c| corners[k][c] - corners[2][c]));
+        put(&mut group.vertices, lane, vertices.map(|[x, y, _, w]| [x, y, w]));
+        put(&mut group.origins, lane, [size.center(centers.first_pixel_of(slot))]);
+        put(&mut group.slopes, lane, slopes);
+        put(&mut group.sums, lane, self.sums(&slopes, centers.fragments_of(slot..slot + 1)));
+    }
+
+    /// The sums over some fragments of a face.
+    #[inline(always)]
+    fn sums(&self, slopes: &Slopes<T::Wide>, fragments: Range<usize>) -> Sums<T::Wide> {
+        let (uv, s_bar) = (&self.barycentrics[fragments.clone()], &self.s_bar[fragments]);
+        let whole = if uv.len() >= MANY { uv.len() / PARTS * PARTS } else { 0 };
+        // Four lanes are a vector.
+        let mut sums = [[T::Wide::ZERO; 4]; 4];
+        for (&uv, &s_bar) in uv[whole..].iter().zip(&s_bar[whole..]) {
+            let ([[u], [v], [w]], terms) = terms(&[uv], &[s_bar], slopes);
+            let weights = [u, v, w, T::Wide::ZERO];
+            for (sums, [term]) in sums.iter_mut().zip(terms) {
+                for i in 0..4 {
+                    sums[i] += weights[i] * term;
+                }
+            }
+        }
+        let mut sums = sums.map(|[a, b, c, _]| [a, b, c]);
+        if whole > 0 {
+            add_many::<T>(&uv[..whole], &s_bar[..whole], slopes, &mut sums);
+        }
+        sums
+    }
+}
+
+/// The work of a walk: not as a closure, which would not be compiled for the vectors that were found.
+struct Walk<'a, 'b, T, E> {
+    direct: &'a DirectGradients<'b, T>,
+    slots: Range<usize>,
+    emit: &'a mut E,
+}
+
+impl<T: Scalar, E: FnMut(usize, Option<&FaceBars<T>>)> pulp::WithSimd for Walk<'_, '_, T, E> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { direct, slots, emit } = self;
+        let mut group = Group::new();
+        for first in slots.clone().step_by(LANES) {
+            let count = LANES.min(slots.end - first);
+            for lane in 0..count {
+                direct.put(&mut group, lane, first + lane);
+            }
+            group.work_out(direct.coverage.size);
+            for lane in 0..count {
+                emit(first + lane, group.bars(lane).as_ref());
+            }
+        }
+    }
+}
+
+/// The numbers of fragments, number by number.
+#[inline(always)]
+fn widened<T: Scalar, const N: usize, const C: usize>(rows: &[[T; C]; N]) -> [[T::Wide; N]; C] {
+    let mut numbers = [[T::Wide::ZERO; N]; C];
+    for part in 0..N {
+        for c in 0..C {
+            numbers[c][part] = rows[part][c].widen();
+        }
+    }
+    numbers
+}
+
+/// The weights of `N` fragments, and what they are multiplied by in the sums.
+#[inline(always)]
+fn terms<T: Scalar, const N: usize>(
+    uv: &[[T; 2]; N],
+    s_bar: &[[T; 3]; N],
+    slopes: &Slopes<T::Wide>,
+) -> ([[T::Wide; N]; 3], [[T::Wide; N]; 4]) {
+    let ([u, v], [r, g, b]) = (widened(uv), widened(s_bar));
+    let along = |[by_r, by_g, by_b]: [T::Wide; 3]| -> [T::Wide; N] {
+        std::array::from_fn(|part| r[part] * by_r + g[part] * by_g + b[part] * by_b)
+    };
+    let [u_bar, v_bar] = slopes.map(along);
+    let m = std::array::from_fn(|part| u[part] * u_bar[part] + v[part] * v_bar[part]);
+    let rest = std::array::from_fn(|part| T::Wide::ONE - u[part] - v[part]);
+    ([u, v, rest], [r, g, b, m])
+}
+
+/// Adds the sums of many fragments, a multiple of [`PARTS`]: they are summed in parts.
+#[inline(always)]
+fn add_many<T: Scalar>(
+    uv: &[[T; 2]],
+    s_bar: &[[T; 3]],
+    slopes: &Slopes<T::Wide>,
+    sums: &mut Sums<T::Wide>,
+) {
+    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 4];
+    for (uv, s_bar) in uv.as_chunks::<PARTS>().0.iter().zip(s_bar.as_chunks::<PARTS>().0) {
+        let (weights, terms) = terms(uv, s_bar, slopes);
+        for part in 0..PARTS {
+            for c in 0..4 {
+                for i in 0..3 {
+                    parts[c][i][part] += weights[i][part] * terms[c][part];
+                }
+            }
+        }
+    }
+    for (sum, parts) in sums.as_flattened_mut().iter_mut().zip(parts.as_flattened()) {
+        *sum += parts.iter().copied().sum();
+    }
+}
+
+/// Faces that are worked on side by side.
+const LANES: usize = 8;
+
+type Lanes<S> = [S; LANES];
+
+/// Faces, number by number.
+struct Group<T: Scalar> {
+    /// x, y and w in clip space.
+    vertices: [[Lanes<T>; 3]; 3],
+    /// The centre of the face's first pixel.
+    origins: [[Lanes<T::Wide>; 2]; 1],
+    slopes: [[Lanes<T::Wide>; 3]; 2],
+    sums: [[Lanes<T::Wide>; 3]; 4],
+    /// Whether the third weight has its digits.
+    are_even: Lanes<bool>,
+    /// The gradients of x, y and w.
+    bars: [[Lanes<T>; 3]; 3],
+}
+
+impl<T: Scalar> Group<T> {
+    fn new() -> Self {
+        let (zero, wide) = ([T::ZERO; LANES], [T::Wide::ZERO; LANES]);
+        let (vertices, bars) = ([[zero; 3]; 3], [[zero; 3]; 3]);
+        let (origins, slopes, sums) = ([[wide; 2]], [[wide; 3]; 2], [[wide; 3]; 4]);
+        Self { vertices, origins, slopes, sums, are_even: [false; LANES], bars }
+    }
+
+    /// From the sums to the gradients of the positions.
+    #[inline(always)]
+    fn work_out(&mut self, size: Size) {
+        let Self { vertices, origins: [origins], slopes, sums, are_even, bars } = self;
+        for lane in 0..LANES {
+            let vertices = vertices.each_ref().map(|[x, y, w]| {
+                Vertex::unscaled([x, y, w].map(|number| number[lane].widen()), size)
+            });
+            are_even[lane] = has_even_vertices(&vertices, size);
+            let origin = [origins[0][lane], origins[1][lane]];
+            let face = LocalFace::around(vertices, [T::Wide::ONE; 3], origin);
+            let scale = -T::Wide::ONE / face.determinant();
+            for i in 0..3 {
+                let m = sums[3][i][lane];
+                let along = |k: usize| {
+                    let by: [T::Wide; 3] = [0, 1, 2].map(|c| sums[c][i][lane] * slopes[k][c][lane]);
+                    by[0] + by[1] + by[2] - m
+                };
+                let of_vertex = face.along_edges([along(0), along(1), -m], size);
+                for k in 0..3 {
+                    bars[i][k][lane] = T::narrow(scale * of_vertex[k]);
+                }
+            }
+        }
+    }
+
+    /// The gradients of the face in a lane; `None` where `rasterize` takes more care.
+    #[inline(always)]
+    fn bars(&self, lane: usize) -> Option<FaceBars<T>> {
+        let clip = self.bars.each_ref().map(|[x, y, w]| [x[lane], y[lane], T::ZERO, w[lane]]);
+        let attributes = [0, 1, 2].map(|i| [0, 1, 2].map(|c| T::narrow(self.sums[c][i][lane])));
+        let are_plain = self.are_even[lane]
+            & are_finite(clip.as_flattened())
+            & are_finite(attributes.as_flattened());
+        are_plain.then_some(FaceBars { clip, attributes })
+    }
+}
+
+/// Puts the numbers of a face into a lane.
+#[inline(always)]
+fn put<S: Copy, const N: usize, const M: usize>(
+    lanes: &mut [[Lanes<S>; N]; M],
+    lane: usize,
+    numbers: [[S; N]; M],
+) {
+    for (lanes, &number) in lanes.as_flattened_mut().iter_mut().zip(numbers.as_flattened()) {
+        lanes[lane] = number;
+    }
+}
+
+/// Adds the rows of a face's vertices.
+#[inline(always)]
+fn add_rows<T: Scalar, const N: usize>(entries: &mut [[T; N]], face: [u32; 3], rows: &[[T; N]; 3]) {
+    for (vertex, row) in face.into_iter().zip(rows) {
+        let entries = &mut entries[vertex as usize];
+        *entries = std::array::from_fn(|k| entries[k] + row[k]);
+    }
+}
