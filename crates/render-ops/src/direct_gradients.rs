@@ -18,7 +18,7 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
 use crate::edge_functions::LocalFace;
-use crate::face_sums::{MANY, PARTS, are_finite};
+use crate::face_sums::are_finite;
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::rasterize::has_even_vertices;
@@ -108,25 +108,62 @@ impl<T: Scalar> DirectGradients<'_, T> {
     /// The sums over some fragments of a face.
     #[inline(always)]
     fn sums(&self, slopes: &Slopes<T::Wide>, fragments: Range<usize>) -> Sums<T::Wide> {
-        let (uv, s_bar) = (&self.barycentrics[fragments.clone()], &self.s_bar[fragments]);
-        let whole = if uv.len() >= MANY { uv.len() / PARTS * PARTS } else { 0 };
-        // Four lanes are a vector.
-        let mut sums = [[T::Wide::ZERO; 4]; 4];
-        for (&uv, &s_bar) in uv[whole..].iter().zip(&s_bar[whole..]) {
-            let ([[u], [v], [w]], terms) = terms(&[uv], &[s_bar], slopes);
-            let weights = [u, v, w, T::Wide::ZERO];
-            for (sums, [term]) in sums.iter_mut().zip(terms) {
-                for i in 0..4 {
-                    sums[i] += weights[i] * term;
-                }
+        let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 4];
+        let Range { start: mut first, end } = fragments;
+        while first < end {
+            let (uv, s_bar) = (part(self.barycentrics, first), part(self.s_bar, first));
+            add_terms(&uv, &s_bar, end - first, slopes, &mut parts);
+            first += PARTS;
+        }
+        parts.map(|parts| parts.map(add_up))
+    }
+}
+
+/// Fragments that are summed side by side.
+const PARTS: usize = 8;
+
+/// Some rows from `first` on, those of other faces among them; zeros where there are no more.
+#[inline(always)]
+fn part<T: Scalar, const C: usize>(rows: &[[T; C]], first: usize) -> [[T; C]; PARTS] {
+    let rows = &rows[first..];
+    if let Some(part) = rows.first_chunk() {
+        return *part;
+    }
+    let mut part = [[T::ZERO; C]; PARTS];
+    part[..rows.len()].copy_from_slice(rows);
+    part
+}
+
+/// Adds the terms of the first `count` fragments to the sums, each of which has a number for each fragment.
+#[inline(always)]
+fn add_terms<T: Scalar>(
+    uv: &[[T; 2]; PARTS],
+    s_bar: &[[T; 3]; PARTS],
+    count: usize,
+    [by_u, by_v]: &Slopes<T::Wide>,
+    sums: &mut [[[T::Wide; PARTS]; 3]; 4],
+) {
+    for part in 0..PARTS {
+        let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
+        let [u, v] = uv[part].map(own);
+        let [r, g, b] = s_bar[part].map(own);
+        let u_bar = r * by_u[0] + g * by_u[1] + b * by_u[2];
+        let v_bar = r * by_v[0] + g * by_v[1] + b * by_v[2];
+        let weights = [u, v, T::Wide::ONE - u - v];
+        let terms = [r, g, b, u * u_bar + v * v_bar];
+        for c in 0..4 {
+            for i in 0..3 {
+                sums[c][i][part] += weights[i] * terms[c];
             }
         }
-        let mut sums = sums.map(|[a, b, c, _]| [a, b, c]);
-        if whole > 0 {
-            add_many::<T>(&uv[..whole], &s_bar[..whole], slopes, &mut sums);
-        }
-        sums
     }
+}
+
+/// The sum of what was summed in parts.
+#[inline(always)]
+fn add_up<S: Scalar>(parts: [S; PARTS]) -> S {
+    let [a, b, c, d, e, f, g, h] = parts;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 /// The work of a walk: not as a closure, which would not be compiled for the vectors that were found.
@@ -143,8 +180,9 @@ impl<T: Scalar, E: FnMut(usize, Option<&FaceBars<T>>)> pulp::WithSimd for Walk<'
     fn with_simd<V: pulp::Simd>(self, _: V) {
         let Self { direct, slots, emit } = self;
         let mut group = Group::new();
-        for first in slots.clone().step_by(LANES) {
-            let count = LANES.min(slots.end - first);
+        let Range { start: mut first, end } = slots;
+        while first < end {
+            let count = LANES.min(end - first);
             for lane in 0..count {
                 direct.put(&mut group, lane, first + lane);
             }
@@ -152,60 +190,8 @@ impl<T: Scalar, E: FnMut(usize, Option<&FaceBars<T>>)> pulp::WithSimd for Walk<'
             for lane in 0..count {
                 emit(first + lane, group.bars(lane).as_ref());
             }
+            first += LANES;
         }
-    }
-}
-
-/// The numbers of fragments, number by number.
-#[inline(always)]
-fn widened<T: Scalar, const N: usize, const C: usize>(rows: &[[T; C]; N]) -> [[T::Wide; N]; C] {
-    let mut numbers = [[T::Wide::ZERO; N]; C];
-    for part in 0..N {
-        for c in 0..C {
-            numbers[c][part] = rows[part][c].widen();
-        }
-    }
-    numbers
-}
-
-/// The weights of `N` fragments, and what they are multiplied by in the sums.
-#[inline(always)]
-fn terms<T: Scalar, const N: usize>(
-    uv: &[[T; 2]; N],
-    s_bar: &[[T; 3]; N],
-    slopes: &Slopes<T::Wide>,
-) -> ([[T::Wide; N]; 3], [[T::Wide; N]; 4]) {
-    let ([u, v], [r, g, b]) = (widened(uv), widened(s_bar));
-    let along = |[by_r, by_g, by_b]: [T::Wide; 3]| -> [T::Wide; N] {
-        std::array::from_fn(|part| r[part] * by_r + g[part] * by_g + b[part] * by_b)
-    };
-    let [u_bar, v_bar] = slopes.map(along);
-    let m = std::array::from_fn(|part| u[part] * u_bar[part] + v[part] * v_bar[part]);
-    let rest = std::array::from_fn(|part| T::Wide::ONE - u[part] - v[part]);
-    ([u, v, rest], [r, g, b, m])
-}
-
-/// Adds the sums of many fragments, a multiple of [`PARTS`]: they are summed in parts.
-#[inline(always)]
-fn add_many<T: Scalar>(
-    uv: &[[T; 2]],
-    s_bar: &[[T; 3]],
-    slopes: &Slopes<T::Wide>,
-    sums: &mut Sums<T::Wide>,
-) {
-    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 4];
-    for (uv, s_bar) in uv.as_chunks::<PARTS>().0.iter().zip(s_bar.as_chunks::<PARTS>().0) {
-        let (weights, terms) = terms(uv, s_bar, slopes);
-        for part in 0..PARTS {
-            for c in 0..4 {
-                for i in 0..3 {
-                    parts[c][i][part] += weights[i][part] * terms[c][part];
-                }
-            }
-        }
-    }
-    for (sum, parts) in sums.as_flattened_mut().iter_mut().zip(parts.as_flattened()) {
-        *sum += parts.iter().copied().sum();
     }
 }
 
@@ -222,10 +208,10 @@ struct Group<T: Scalar> {
     origins: [[Lanes<T::Wide>; 2]; 1],
     slopes: [[Lanes<T::Wide>; 3]; 2],
     sums: [[Lanes<T::Wide>; 3]; 4],
-    /// Whether the third weight has its digits.
-    are_even: Lanes<bool>,
     /// The gradients of x, y and w.
     bars: [[Lanes<T>; 3]; 3],
+    /// Whether the third weight has its digits.
+    are_even: Lanes<bool>,
 }
 
 impl<T: Scalar> Group<T> {
@@ -233,7 +219,7 @@ impl<T: Scalar> Group<T> {
         let (zero, wide) = ([T::ZERO; LANES], [T::Wide::ZERO; LANES]);
         let (vertices, bars) = ([[zero; 3]; 3], [[zero; 3]; 3]);
         let (origins, slopes, sums) = ([[wide; 2]], [[wide; 3]; 2], [[wide; 3]; 4]);
-        Self { vertices, origins, slopes, sums, are_even: [false; LANES], bars }
+        Self { vertices, origins, slopes, sums, bars, are_even: [false; LANES] }
     }
 
     /// From the sums to the gradients of the positions.
@@ -244,10 +230,10 @@ impl<T: Scalar> Group<T> {
             let vertices = vertices.each_ref().map(|[x, y, w]| {
                 Vertex::unscaled([x, y, w].map(|number| number[lane].widen()), size)
             });
-            are_even[lane] = has_even_vertices(&vertices, size);
             let origin = [origins[0][lane], origins[1][lane]];
             let face = LocalFace::around(vertices, [T::Wide::ONE; 3], origin);
             let scale = -T::Wide::ONE / face.determinant();
+            are_even[lane] = has_even_vertices(&vertices, size);
             for i in 0..3 {
                 let m = sums[3][i][lane];
                 let along = |k: usize| {
@@ -267,10 +253,10 @@ impl<T: Scalar> Group<T> {
     fn bars(&self, lane: usize) -> Option<FaceBars<T>> {
         let clip = self.bars.each_ref().map(|[x, y, w]| [x[lane], y[lane], T::ZERO, w[lane]]);
         let attributes = [0, 1, 2].map(|i| [0, 1, 2].map(|c| T::narrow(self.sums[c][i][lane])));
-        let are_plain = self.are_even[lane]
+        let is_plain = self.are_even[lane]
             & are_finite(clip.as_flattened())
             & are_finite(attributes.as_flattened());
-        are_plain.then_some(FaceBars { clip, attributes })
+        is_plain.then_some(FaceBars { clip, attributes })
     }
 }
 

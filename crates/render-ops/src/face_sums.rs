@@ -40,10 +40,10 @@ pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
 }
 
 /// Fragments that are summed side by side, where a face has many: as many as the widest vectors hold.
-pub(crate) const PARTS: usize = 8;
+const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-pub(crate) const MANY: usize = 4 * PARTS;
+const MANY: usize = 4 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
 pub(crate) trait Terms<T: Scalar> {
