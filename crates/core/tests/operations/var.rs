@@ -22,6 +22,22 @@ fn leaves_and_constants_come_as_tensors_as_scalars_and_full() {
 }
 
 #[test]
+fn a_variable_knows_the_operation_and_an_input_that_it_was_computed_from() {
+    let tape = Tape::<f64>::new();
+    let [x, y] = [1.0, 2.0].map(|value| tape.leaf(&Tensor::full([2], value)));
+    let (product, sum) = (x * y, x + x);
+    let name = product.operation().unwrap();
+    assert!(product.is_computed_from(name, x) && product.is_computed_from(name, y));
+    assert!(
+        !product.is_computed_from("sin", x) && !sum.is_computed_from(sum.operation().unwrap(), y)
+    );
+    assert!(!x.is_computed_from(name, x) && !product.detach().is_computed_from(name, x));
+    assert!(!product.square().is_computed_from(name, x));
+    let constant = tape.constant(&Tensor::full([2], 3.0));
+    assert!(!(constant * constant).is_computed_from(name, constant));
+}
+
+#[test]
 fn a_detached_variable_is_a_constant_of_the_same_value() {
     let tape = Tape::new();
     let x = tape.leaf(&Tensor::full([2], 3.0));

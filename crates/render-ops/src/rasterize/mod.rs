@@ -393,11 +393,18 @@ impl<T: Scalar> Op<T> for Rasterize {
         saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Some(clip_bar) = gradients.get(0) else { return };
         let Saved { layers, visibility, adjoints } = saved;
         if self.options.sampling.has_pieces() {
-            self.pull_back_pieces(kept, &layers[0], visibility, adjoints, clip_bar);
+            // Of their own first: those of neighbouring slivers may be large, and cancel.
+            let others = gradients.take(0);
+            if let Some(clip_bar) = gradients.get(0) {
+                self.pull_back_pieces(kept, &layers[0], visibility, adjoints, clip_bar);
+            }
+            if let Some(others) = others {
+                gradients.put_back(0, others);
+            }
         }
+        let Some(clip_bar) = gradients.get(0) else { return };
         for (layer, coverage) in layers.iter().enumerate().rev() {
             let Some(uv_bar) = kept.upstream(layer) else { continue };
             let (corners, uv) = (&visibility.corners, kept.output(layer));

@@ -1,5 +1,9 @@
 use bokashi_core::{Dependence, Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Fragments, Mesh, Size, interpolate, interpolate_indexed, rasterize};
+use bokashi_render_ops::{
+    Fragments, Mesh, RasterOptions, Sampling, Size, interpolate, interpolate_indexed, rasterize,
+};
+use proptest::prelude::*;
+use rayon::ThreadPoolBuilder;
 
 const SIZE: Size = Size { width: 7, height: 5 };
 
@@ -152,4 +156,92 @@ fn an_index_buffer_of_its_own_gives_faces_their_own_attributes() {
     let found = gradients.get(attributes).unwrap();
     approx::assert_relative_eq!(found.data()[0], count(1), max_relative = 1e-6);
     approx::assert_relative_eq!(found.data()[1], count(0), max_relative = 1e-6);
+}
+
+/// Vertices before the eye, near it and behind it, and faces of them.
+#[derive(Debug)]
+struct Drawn {
+    clip: Tensor<f64>,
+    mesh: Mesh,
+    size: Size,
+    sampling: Sampling,
+    /// What the gradients of the values are multiplied by.
+    scale: f64,
+}
+
+fn drawn() -> impl Strategy<Value = Drawn> {
+    let w = prop_oneof![6 => 0.2..2.0, 1 => 1e-4..0.02, 1 => -1.5..0.2];
+    let vertex = (-1.6..1.6, -1.6..1.6, -0.9..0.9, w).prop_map(|(x, y, z, w)| [x, y, z, w]);
+    let vertices = prop::collection::vec(vertex, 12);
+    let faces = prop::collection::vec(prop::array::uniform3(0..12_u32), 1..20);
+    let size = prop_oneof![3 => (1..24_usize, 1..24_usize), 1 => Just((150, 230))];
+    let sampling = prop_oneof![Just(Sampling::Center), Just(Sampling::Exact)];
+    let scale = prop_oneof![4 => Just(1.0), 1 => Just(1e-290), 1 => Just(1e300), 1 => Just(1e306)];
+    (vertices, faces, size, sampling, scale).prop_map(|(vertices, faces, size, sampling, scale)| {
+        let clip = Tensor::new([12, 4], vertices.concat()).unwrap();
+        let size = Size { width: size.0, height: size.1 };
+        Drawn { clip, mesh: Mesh::new(faces, 12).unwrap(), size, sampling, scale }
+    })
+}
+
+impl Drawn {
+    /// The gradients of positions and attributes, through those of the barycentrics or past them.
+    fn gradients<T: Scalar>(&self, is_through: bool) -> [Tensor<T>; 2] {
+        let tape = Tape::<T>::new();
+        let (clip, colors) = (tape.leaf(&self.clip.cast()), tape.leaf(&numbers(12, 3)));
+        let options = RasterOptions::new(self.size).sampling(self.sampling);
+        let fragments = rasterize(clip, &self.mesh, options.creases(&[colors.into()])).unwrap();
+        let values = interpolate(colors, &fragments).unwrap();
+        let upstream = numbers::<T>(fragments.coverage.count(), 3);
+        let upstream = upstream.map(|x: T| T::from_f64(self.scale) * x);
+        let wrt = [clip, colors, fragments.barycentrics];
+        let wrt = if is_through { &wrt[..] } else { &wrt[..2] };
+        let gradients = tape.vjp_to(&[(values, &upstream)], wrt).unwrap();
+        [clip, colors].map(|of| gradients.get(of).cloned().unwrap())
+    }
+}
+
+fn largest<T: Scalar>(numbers: &[T]) -> f64 {
+    numbers.iter().fold(0.0, |most, number| number.abs().to_f64().max(most))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+
+    #[test]
+    fn gradients_past_those_of_barycentrics_are_those_through_them(drawn in drawn()) {
+        let [through, past] = [true, false].map(|is_through| drawn.gradients::<f64>(is_through));
+        for (through, past) in through.iter().zip(&past) {
+            let most = largest(through.data());
+            for (&a, &b) in through.data().iter().zip(past.data()) {
+                let is_close = a == b || (a - b).abs() <= 1e-9 * most || a.is_nan() && b.is_nan();
+                prop_assert!(is_close, "{a} {b} of {most}");
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_past_those_of_barycentrics_have_the_same_bits_on_any_number_of_threads(drawn in drawn()) {
+        let bits = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let gradients = pool.install(|| drawn.gradients::<f32>(false));
+            gradients.map(|gradient| gradient.data().iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+        };
+        let alone = bits(1);
+        prop_assert!(bits(2) == alone && bits(4) == alone);
+    }
+}
+
+#[test]
+fn a_gradient_of_barycentrics_that_is_asked_for_is_there() {
+    let tape = Tape::<f64>::new();
+    let fragments = fragments(&tape, SIZE);
+    let colors = tape.leaf(&numbers(4, 3));
+    let loss = interpolate(colors, &fragments).unwrap().square().sum();
+    let all = loss.backward_to(&[fragments.barycentrics, fragments.clip]).unwrap();
+    let past = loss.backward_to(&[fragments.clip]).unwrap();
+    assert!(largest(all.get(fragments.barycentrics).unwrap().data()) > 0.1);
+    let [all, past] = [all, past].map(|gradients| gradients.get(fragments.clip).cloned().unwrap());
+    let off = all.data().iter().zip(past.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-12 * largest(all.data()));
 }
