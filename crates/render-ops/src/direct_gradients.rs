@@ -17,11 +17,10 @@ use bokashi_core::{Accumulator, Scalar};
 
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
-use crate::edge_functions::LocalFace;
+use crate::edge_functions::{LocalFace, has_even_vertices};
 use crate::face_sums::are_finite;
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
-use crate::rasterize::has_even_vertices;
 use crate::size::Size;
 
 /// What the gradients of three channels at the centres of pixels lead to.

@@ -15,6 +15,7 @@
 use bokashi_core::Scalar;
 
 use crate::homogeneous::{Vertex, cross, edge};
+use crate::order::{largest, least};
 use crate::size::Size;
 
 /// A face around the centre of one of its pixels.
@@ -162,4 +163,29 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         let [width, height] = size.extents::<S>();
         [width * x_bar, height * y_bar, w_bar]
     }
+}
+
+/// Depths of vertices of a face with even weights differ by less than this factor.
+pub(crate) const EVEN_DEPTHS: f64 = 64.0;
+
+/// Its vertices lie within this many times half the image's size from the image's middle.
+const EVEN_EXTENTS: f64 = 16.0;
+
+/// Whether the third weight, as one less the others, has nearly as many digits as they have, of vertices that no
+/// factor need multiply; without a branch.
+#[inline(always)]
+pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
+    let [p, q, r] = vertices.map(|vertex| vertex.w);
+    let [least, largest] = [least([p, q, r]), largest([p, q, r])];
+    let are_near = vertices.iter().fold(true, |all, vertex| all & is_near(vertex, size));
+    let in_range = (S::from_f64(1e-60) <= least) & (largest < S::from_f64(1e50));
+    are_near & in_range & (largest < S::from_f64(EVEN_DEPTHS) * least)
+}
+
+/// Whether a vertex is within [`EVEN_EXTENTS`].
+#[inline(always)]
+pub(crate) fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
+    let [width, height] =
+        [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
+    (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)
 }

@@ -94,6 +94,7 @@ mod losses;
 mod matrix;
 mod mesh;
 mod mipmaps;
+mod order;
 mod over;
 mod perturbed_normals;
 mod picture;

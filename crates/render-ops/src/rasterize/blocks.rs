@@ -19,9 +19,9 @@
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, are_tame};
-use super::order::{largest, least, smaller};
 use super::setup::{LANES, Weights, keep_nearer, lanes, plane};
 use crate::homogeneous::edge;
+use crate::order::{largest, least, smaller};
 use crate::size::Size;
 
 /// A face that is drawn in blocks.

@@ -8,9 +8,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::order::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::mesh::repeats_a_vertex;
+use crate::order::{largest, least};
 use crate::raster_options::{Cull, RasterOptions};
 use crate::size::Size;
 

@@ -18,11 +18,11 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, are_tame};
-use super::order::{largest, least};
 use crate::coverage::Coverage;
-use crate::edge_functions::{EdgeSums, LocalFace};
+use crate::edge_functions::{EVEN_DEPTHS, EdgeSums, LocalFace, is_near};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
-use crate::homogeneous::{Vertex, missing_factors};
+use crate::homogeneous::missing_factors;
+use crate::order::{largest, least};
 use crate::size::Size;
 
 /// From the gradients of u and v to those of the vertices.
@@ -57,12 +57,6 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
     }
 }
 
-/// Depths of vertices of a face with even weights differ by less than this factor.
-const EVEN_DEPTHS: f64 = 64.0;
-
-/// Its vertices lie within this many times half the image's size from the image's middle.
-const EVEN_EXTENTS: f64 = 16.0;
-
 /// Whether the third weight, as one less the others, has nearly as many digits as they have.
 #[inline(always)]
 fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -> bool {
@@ -71,24 +65,6 @@ fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -
     // Of a vertex in view only the depth is in question.
     largest([p, q, r]) < even * least([p, q, r])
         && (are_tame(corners) || corners.iter().all(|corner| is_near(&corner.vertex, size)))
-}
-
-/// [`has_even_weights`], of vertices that no factor need multiply, without a branch.
-#[inline(always)]
-pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
-    let [p, q, r] = vertices.map(|vertex| vertex.w);
-    let [least, largest] = [least([p, q, r]), largest([p, q, r])];
-    let are_near = vertices.iter().fold(true, |all, vertex| all & is_near(vertex, size));
-    let in_range = (S::from_f64(1e-60) <= least) & (largest < S::from_f64(1e50));
-    are_near & in_range & (largest < S::from_f64(EVEN_DEPTHS) * least)
-}
-
-/// Whether a vertex is within [`EVEN_EXTENTS`].
-#[inline(always)]
-fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
-    let [width, height] =
-        [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
-    (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)
 }
 
 impl<T: Scalar> WeightPullBack<'_, T> {

@@ -28,9 +28,9 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
-use super::order::{largest, least};
 use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};
+use crate::order::{largest, least};
 use crate::size::Size;
 
 /// A face whose pixels are visited.

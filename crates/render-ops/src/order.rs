@@ -4,19 +4,19 @@ use bokashi_core::Scalar;
 
 /// The smaller of two that are not NaN: a single instruction, where the rules for NaN take three.
 #[inline(always)]
-pub(super) fn smaller<S: Scalar>(a: S, b: S) -> S {
+pub(crate) fn smaller<S: Scalar>(a: S, b: S) -> S {
     if a < b { a } else { b }
 }
 
 /// The smallest of three.
 #[inline(always)]
-pub(super) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
+pub(crate) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
     smaller(smaller(a, b), c)
 }
 
 /// The largest of three.
 #[inline(always)]
-pub(super) fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
+pub(crate) fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
     let largest = if a > b { a } else { b };
     if largest > c { largest } else { c }
 }
