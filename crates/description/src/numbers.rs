@@ -79,6 +79,9 @@ numbers! {
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];
+    /// A whole number from 1 to 8.
+    SampleCount: usize, "a whole number from 1 to 8", |x| (1.0..=8.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 8];
     /// A whole number from 3 to 16.
     BladeCount: usize, "a whole number from 3 to 16", |x| (3.0..=16.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 3, "maximum" = 16];

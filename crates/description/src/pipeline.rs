@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::numbers::{
-    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, SurfaceCount,
+    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, SampleCount, SurfaceCount,
 };
 
 /// Which operations make a picture. What is absent costs nothing.
@@ -138,12 +138,21 @@ pub struct LensEntry {
     pub largest_radius: Option<CircleRadius>,
     /// The form of its opening; by default a disc.
     pub iris: Option<IrisEntry>,
+    /// How many samples along each side of a pixel are drawn, and seen through the lens; by default 1.
+    pub samples: Option<SampleCount>,
+    /// Whether surfaces are blurred as they lean; by default each pixel is blurred as if it faced the lens.
+    pub slopes: bool,
 }
 
 impl LensEntry {
     /// How many hidden surfaces are drawn.
     pub fn surface_count(&self) -> usize {
         self.surfaces.map_or(2, |count| count.0)
+    }
+
+    /// How many samples along each side of a pixel are drawn.
+    pub fn sample_count(&self) -> usize {
+        self.samples.map_or(1, |count| count.0)
     }
 }
 
@@ -220,25 +229,38 @@ struct LensKeys {
     largest_radius: Option<CircleRadius>,
     /// The form of its opening; by default a disc.
     iris: Option<IrisEntry>,
+    /// How many samples along each side of a pixel are drawn, and seen through the lens, from 1 to 8; by default 1.
+    samples: Option<SampleCount>,
+    /// Whether surfaces are blurred as they lean; by default each pixel is blurred as if it faced the lens.
+    #[serde(default)]
+    slopes: bool,
 }
 
 impl TryFrom<LensKeys> for LensEntry {
-    type Error = &'static str;
+    type Error = String;
 
-    fn try_from(keys: LensKeys) -> Result<Self, &'static str> {
-        let LensKeys { aperture, radius, focus, surfaces, largest_radius, iris } = keys;
-        match Opening::from_keys(aperture, radius)? {
-            Some(opening) => Ok(Self { opening, focus, surfaces, largest_radius, iris }),
-            None => Err("a lens has `aperture` or `radius`"),
+    fn try_from(keys: LensKeys) -> Result<Self, String> {
+        let LensKeys { aperture, radius, focus, surfaces, largest_radius, iris, samples, slopes } =
+            keys;
+        let Some(opening) = Opening::from_keys(aperture, radius)? else {
+            return Err("a lens has `aperture` or `radius`".to_owned());
+        };
+        let entry = Self { opening, focus, surfaces, largest_radius, iris, samples, slopes };
+        // So wide circles are drawn, counted in samples.
+        match largest_radius.map_or(0.0, |radius| radius.0) * entry.sample_count() as f64 {
+            0.0..=1024.0 => Ok(entry),
+            radius => Err(format!(
+                "`largest_radius` times `samples` is at most 1024, and this is {radius}"
+            )),
         }
     }
 }
 
 impl From<LensEntry> for LensKeys {
     fn from(entry: LensEntry) -> Self {
-        let LensEntry { opening, focus, surfaces, largest_radius, iris } = entry;
+        let LensEntry { opening, focus, surfaces, largest_radius, iris, samples, slopes } = entry;
         let [aperture, radius] = opening.keys();
-        Self { aperture, radius, focus, surfaces, largest_radius, iris }
+        Self { aperture, radius, focus, surfaces, largest_radius, iris, samples, slopes }
     }
 }
 

@@ -8,5 +8,5 @@ mod ways;
 
 pub use named::{Named, named};
 pub use scene::{FAR, Frame, LensScene, SKY, UNIT};
-pub use truth::{mean_through, point, through};
-pub use ways::{distances, draw, gather};
+pub use truth::{mean_through, pinhole, point, through};
+pub use ways::{distances, draw, draw_samples, gather};

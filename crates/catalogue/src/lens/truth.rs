@@ -40,7 +40,7 @@ pub fn through<'t, T: Scalar>(
 ///
 /// # Errors
 /// What the operations refuse.
-pub(super) fn pinhole<'t, T: Scalar>(
+pub fn pinhole<'t, T: Scalar>(
     scene: &LensScene,
     frame: Frame,
     clip: Var<'t, T>,

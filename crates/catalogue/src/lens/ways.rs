@@ -1,9 +1,10 @@
 //! What a lens sees, from one view: with what is hidden, and without it.
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Lens, LensLayer, LensOptions, LensPicture, RenderError, Sampling, ThinLens,
-    ThinLensOptions, depth_layers, depth_of_field, eye_depth, lens_picture, rasterize,
+    Background, Border, Filter, Lens, LensLayer, LensOptions, LensPicture, RenderError, Sampling,
+    ThinLens, ThinLensOptions, depth_layers, depth_of_field, downsample, eye_depth, lens_picture,
+    rasterize,
 };
 
 use super::scene::{FAR, Frame, LensScene, look, sky};
@@ -30,8 +31,27 @@ pub fn draw<'t, T: Scalar>(
         LensLayer::from_fragments(fragments, premultiplied, alpha)
     };
     let behind = hidden.iter().map(layer).collect::<Result<Vec<_>, _>>()?;
-    let options = ThinLensOptions { margin: frame.margin, ..ThinLensOptions::default() };
+    let usual = ThinLensOptions::default();
+    let largest_radius = usual.largest_radius * frame.scale().max(1.0);
+    let options = ThinLensOptions { margin: frame.margin, largest_radius, ..usual };
     lens_picture(layer(&visible)?, &behind, Background::Color(sky(tape)), FAR, lens, &options)
+}
+
+/// What `lens_picture` makes of so many samples along each side of a pixel, the mean over each pixel: `[H, W, 2]`.
+///
+/// # Errors
+/// What the operations refuse.
+pub fn draw_samples<'t, T: Scalar>(
+    scene: &LensScene,
+    frame: Frame,
+    clip: Var<'t, T>,
+    lens: ThinLens<'t, T>,
+    samples: usize,
+) -> Result<Var<'t, T>, RenderError> {
+    let fine = Frame { pixels: samples * frame.pixels, margin: samples * frame.margin };
+    let lens = ThinLens { aperture: lens.aperture * T::from_f64(samples as f64), ..lens };
+    let image = draw(scene, fine, clip, lens)?.image;
+    downsample(image, samples, &Filter::Box, Border::Clamp)
 }
 
 /// What `depth_of_field` makes of them, the margin cut off.
@@ -56,13 +76,15 @@ pub fn gather<'t, T: Scalar>(
     Ok(image.slice(0, inner.clone())?.slice(1, inner)?)
 }
 
-/// How far away what a pinhole sees at pixel centres is: `[H, W]`.
+/// How far away what a pinhole sees of clip positions at pixel centres is: `[H, W]`.
 ///
 /// # Errors
 /// What the operations refuse.
-pub fn distances(scene: &LensScene, frame: Frame) -> Result<Tensor<f64>, RenderError> {
-    let tape = Tape::new();
-    let clip = tape.constant(&scene.clip(frame));
+pub fn distances(
+    scene: &LensScene,
+    frame: Frame,
+    clip: Var<'_, f64>,
+) -> Result<Tensor<f64>, RenderError> {
     let options = scene.exact(frame.size()).sampling(Sampling::Center);
     let fragments = rasterize(clip, &scene.mesh()?, options)?;
     Ok(eye_depth(&fragments)?.image(&fragments, FAR)?.distances().value())

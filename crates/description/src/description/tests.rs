@@ -59,6 +59,8 @@ fn a_lens_has_one_opening() {
     let own = |keys: &str| said_of(&format!("[[views]]\ncamera = {{}}\nlens = {{ {keys} }}\n"));
     assert_eq!(lens("aperture = 4, focus = 5, surfaces = 0, largest_radius = 20"), "fine");
     assert_eq!(lens("radius = 0.1, focus = 5"), "fine");
+    assert_eq!(lens("radius = 0.1, focus = 5, samples = 8, slopes = true"), "fine");
+    assert_eq!(lens("radius = 0.1, focus = 5, samples = 2, largest_radius = 512"), "fine");
     assert_eq!(lens("radius = 0.1, focus = 5, iris = { blades = 6, rotation = 15 }"), "fine");
     assert_eq!(own("focus = 5"), "fine");
     assert_eq!(own("aperture = 3"), "fine");
@@ -72,6 +74,18 @@ fn a_lens_has_one_opening() {
         (lens("aperture = 4, focus = 0"), "a finite number above 0 is needed here"),
         (lens("aperture = 4, focus = 5, surfaces = 9"), "a whole number from 0 to 8"),
         (lens("aperture = 4, focus = 5, largest_radius = 2000"), "a number from 1 to 1024"),
+        (
+            lens("aperture = 4, focus = 5, samples = 0"),
+            "a whole number from 1 to 8 is needed here, and this is 0",
+        ),
+        (
+            lens("aperture = 4, focus = 5, samples = 9"),
+            "a whole number from 1 to 8 is needed here, and this is 9",
+        ),
+        (
+            lens("aperture = 4, focus = 5, samples = 3, largest_radius = 400"),
+            "`largest_radius` times `samples` is at most 1024, and this is 1200",
+        ),
         (lens("aperture = 4, focus = 5, tolerance = 0.1"), "unknown key `tolerance`"),
         (lens("aperture = 4, focus = 5, iris = { blades = 2 }"), "a whole number from 3 to 16"),
         (own("surfaces = 2"), "unknown key `surfaces`"),

@@ -3,8 +3,8 @@
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Fragments, Iris, LensLayer, LensPicture, RenderError, Size, ThinLens,
-    ThinLensOptions, eye_depth, lens_picture,
+    Background, Border, Filter, Fragments, Iris, LensLayer, LensPicture, RenderError, Size,
+    ThinLens, ThinLensOptions, downsample, eye_depth, lens_picture,
 };
 
 use super::margin::{Surroundings, margin};
@@ -22,6 +22,10 @@ pub(super) struct StepLens<'t> {
     pub(super) may_cap: bool,
     /// How many hidden surfaces are drawn.
     pub(super) surfaces: usize,
+    /// How many samples along each side of a pixel are drawn: margin and circles are counted in samples.
+    samples: usize,
+    /// Whether surfaces are blurred as they lean.
+    slopes: bool,
 }
 
 /// Fragments, and their light.
@@ -43,12 +47,14 @@ impl<'t> StepLens<'t> {
         let Some(entry) = scene.description.pipeline.lens else { return Ok(None) };
         let number = |which| values.lens_number(scene, camera.view, which);
         let Some(focus) = number(LensNumber::Focus) else { return Ok(None) };
-        // Lengths in pixels shrink with the image.
-        let share = 1.0 / reduce as f64;
+        // Lengths in pixels shrink with the image, and lengths in samples grow with their number.
+        let samples = entry.sample_count();
+        let share = samples as f64 / reduce as f64;
         let lens = match (number(LensNumber::Aperture), number(LensNumber::Radius)) {
             (Some(aperture), _) => ThinLens { aperture: aperture * share as f32, focus },
             (None, Some(radius)) => {
-                ThinLens::from_radius(radius, camera.focal_length(values)?, focus)?
+                let focal_length = camera.focal_length(values)? * samples as f32;
+                ThinLens::from_radius(radius, focal_length, focus)?
             }
             (None, None) => return Ok(None),
         };
@@ -62,7 +68,8 @@ impl<'t> StepLens<'t> {
             rotation: iris.rotation.map_or(0.0, |degrees| degrees.0.to_radians()),
         });
         let options = ThinLensOptions { largest_radius: largest * share, iris, ..usual };
-        Ok(Some(Self { lens, options, may_cap: false, surfaces: entry.surface_count() }))
+        let (surfaces, slopes) = (entry.surface_count(), entry.slopes);
+        Ok(Some(Self { lens, options, may_cap: false, surfaces, samples, slopes }))
     }
 
     /// The lens with the margin that it needs around an image of `size`: what these faces in clip space have
@@ -78,7 +85,8 @@ impl<'t> StepLens<'t> {
         let [aperture, focus] = [aperture, focus].map(|number| f64::from(number.item()));
         let largest = self.options.largest_radius;
         let corner = self.options.iris.reach();
-        let distances = Surroundings::new(size, corner * largest, near).distances(clip, faces);
+        let beside = Surroundings::new(self.sampled(size), corner * largest, near);
+        let distances = beside.distances(clip, faces);
         // Circles grow from the focus towards both ends.
         let radius = |distance: f64| (aperture * (1.0 - focus / distance)).abs();
         let radius = distances.map(|[least, most]| radius(least).max(radius(most)));
@@ -87,46 +95,58 @@ impl<'t> StepLens<'t> {
         self
     }
 
-    /// The margin in pixels.
+    /// The margin in samples.
     pub(super) fn margin(&self) -> usize {
         self.options.margin
     }
 
-    /// The size of an image with its margin.
+    /// The samples of an image.
+    fn sampled(&self, size: Size) -> Size {
+        let [width, height] = [size.width, size.height].map(|extent| extent * self.samples);
+        Size { width, height }
+    }
+
+    /// The samples of an image with its margin.
     pub(super) fn size(&self, size: Size) -> Size {
-        let [width, height] = [size.width, size.height].map(|extent| extent + 2 * self.margin());
+        let Size { width, height } = self.sampled(size);
+        let [width, height] = [width, height].map(|extent| extent + 2 * self.margin());
         Size { width, height }
     }
 
     /// Clip positions of an image of `size`, `[V, 4]`, in the image with its margin.
     pub(super) fn clip(&self, clip: Var<'t, f32>, size: Size) -> Recorded<'t> {
-        let whole = self.size(size);
+        let (size, whole) = (self.sampled(size), self.size(size));
         let share = |part: usize, whole: usize| (part as f64 / whole as f64) as f32;
         let row = [share(size.width, whole.width), share(size.height, whole.height), 1.0, 1.0];
         Ok(clip.try_mul(clip.tape().constant(&Tensor::from([row])))?)
     }
 
-    /// The picture of what is visible and of the layers behind, before a background far away.
-    pub(super) fn picture(
+    /// The picture of what is visible and of the layers behind, before a background far away: the mean over each
+    /// pixel's samples.
+    pub(super) fn picture<'a>(
         &self,
-        visible: &Layer<'t>,
-        behind: &[Layer<'t>],
+        visible: &'a Layer<'t>,
+        behind: &'a [Layer<'t>],
         background: Background<'t, f32>,
     ) -> Result<LensPicture<'t, f32>, RenderError> {
-        let behind = behind.iter().map(Layer::seen).collect::<Result<Vec<_>, _>>()?;
-        let far = f64::INFINITY;
-        let visible = visible.seen()?;
-        lens_picture(visible, &behind, background, far, self.lens, &self.options)
+        let seen = |layer: &'a Layer<'t>| layer.seen(self.slopes);
+        let behind = behind.iter().map(seen).collect::<Result<Vec<_>, _>>()?;
+        let (visible, far) = (seen(visible)?, f64::INFINITY);
+        let picture = lens_picture(visible, &behind, background, far, self.lens, &self.options)?;
+        let image = downsample(picture.image, self.samples, &Filter::Box, Border::Clamp)?;
+        Ok(LensPicture { image, ..picture })
     }
 }
 
 impl<'t> Layer<'t> {
     /// What a lens sees of it.
-    fn seen(&self) -> Result<LensLayer<'_, 't, f32>, RenderError> {
+    fn seen(&self, slopes: bool) -> Result<LensLayer<'_, 't, f32>, RenderError> {
         let Self { fragments, light } = self;
         let alpha = light.tape().constant_full([fragments.coverage.count()], 1.0);
+        if slopes {
+            return LensLayer::from_fragments(fragments, *light, alpha);
+        }
         let distance = eye_depth(fragments)?.values();
-        // Slopes would make apertures that are learnt from balls, whose far rims are not seen, 5 % too small.
         Ok(LensLayer { fragments, premultiplied: *light, alpha, distance, slope: None })
     }
 }

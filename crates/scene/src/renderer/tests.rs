@@ -1,3 +1,5 @@
+mod lens;
+
 use std::fs;
 use std::sync::Arc;
 
@@ -343,71 +345,6 @@ fn a_blur_shrinks_with_the_image() {
             let off = off.sum::<f32>() / (side * side * 3) as f32;
             assert!(off < bound, "{rest:?} {reduce}: {off}");
         }
-    }
-}
-
-/// The mean square of the picture of two tilted boards through a lens, and its gradient by opening and focus, raw.
-fn contrast(opening: &str, values: [f32; 2]) -> (f64, [f64; 2]) {
-    let text = format!(
-        "[[meshes]]\nshape = \"plane\"\nplace = {{ rotation = [0.3, 0, 0, 1], scale = 0.6, translation = [-0.3, 0, 1] }}\n\
-         [[meshes]]\nname = \"far\"\nshape = \"plane\"\nplace = {{ rotation = [0, 0.3, 0, 1] }}\n\
-         material = {{ base_color = [0.2, 0.5, 0.8] }}\n\
-         [[views]]\nname = \"a\"\n[views.camera]\nsize = [48, 40]\nangle = 40\nposition = [0.2, 0.3, 4]\n\
-         [pipeline]\ntone = \"linear\"\nlens = {{ {opening} = 1, focus = 1 }}\n[learn.lens]\nper_view = [\"focus\"]\n"
-    );
-    let renderer = renderer_of(&text);
-    let tape = Tape::new();
-    let named = [(opening.to_owned(), values[0]), ("focus/a".to_owned(), values[1])];
-    let parameters = named.iter().fold(Parameters::new(), |all, (name, value)| {
-        let parameter = Parameter::new(name.clone(), Tensor::scalar(*value)).rate(1.0);
-        all.with(parameter).unwrap()
-    });
-    let variables = parameters.record(&tape);
-    let step = Values { tape: &tape, learnt: Some(&variables) };
-    let drawn = renderer.draw(&step, 0, 1, false).unwrap();
-    let image = renderer.image(&step, &drawn, 1).unwrap();
-    let sum = image.value().data().iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
-    let gradients = image.square().sum().backward().unwrap();
-    let slopes =
-        named.map(|(name, _)| gradients.get_or_zeros(variables.get(&name).unwrap()).item().into());
-    (sum, slopes)
-}
-
-#[test]
-fn gradients_of_a_lens_are_those_of_differences() {
-    for (opening, width) in [("aperture", 6.0), ("radius", 0.25)] {
-        for focus in [2.4, 3.5] {
-            let at = [width, focus];
-            let (_, slopes) = contrast(opening, at);
-            for k in 0..2 {
-                // Slopes step where circles pass rungs: the step is short.
-                let step = 1e-4 * at[k];
-                let moved = |sign: f32| {
-                    let mut at = at;
-                    at[k] += sign * step;
-                    contrast(opening, at).0
-                };
-                let quotient = (moved(1.0) - moved(-1.0)) / (2.0 * f64::from(step));
-                println!("{opening} {at:?} {k}: {} {quotient}", slopes[k]);
-                assert!((slopes[k] / quotient - 1.0).abs() < 0.025, "{opening} {at:?} by {k}");
-            }
-        }
-    }
-}
-
-#[test]
-fn circles_that_are_cut_are_counted_without_drawing_where_none_can_be() {
-    // Half of an aperture at this distance, and at most 64.
-    for (aperture, is_cut) in [(120, false), (140, true)] {
-        let renderer = renderer_of(&format!(
-            "[[meshes]]\nshape = \"plane\"\n[[views]]\nname = \"a\"\n[views.camera]\nsize = [32, 24]\n\
-             focal = 30\nposition = [0, 0, 4]\n[pipeline.lens]\naperture = {aperture}\nfocus = 2\n"
-        ));
-        let tape = Tape::new();
-        let capped = renderer.capped(&Values { tape: &tape, learnt: None }, 0).unwrap();
-        let done = tape.take_report().operations;
-        let is_drawn = done.iter().any(|operation| operation.name == "rasterize");
-        assert_eq!((capped > 0, is_drawn), (is_cut, is_cut), "{aperture}");
     }
 }
 

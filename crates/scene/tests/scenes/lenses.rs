@@ -131,8 +131,13 @@ fn a_thin_lens_sees_what_rays_through_its_points_see() {
         let found = [("radius", radius), ("aperture", aperture)].map(|(key, number)| {
             off(&format!("lens = {{ {key} = {number:?}, focus = {focus:?} }}\n"))
         });
-        println!("radius {radius}, focus {focus}: {found:?}, without a lens {sharp}");
+        let leaning =
+            format!("lens = {{ radius = {radius:?}, focus = {focus:?}, slopes = true }}\n");
+        let leaning = off(&leaning);
+        println!("radius {radius}, focus {focus}: {found:?}, {leaning}, without a lens {sharp}");
         assert!(found.iter().all(|off| *off < 0.01), "{found:?}");
+        // Balls lean everywhere.
+        assert!(leaning < 0.95 * found[0], "{leaning} {found:?}");
         assert!(sharp > 4.0 * found[0], "{sharp}");
     }
 }

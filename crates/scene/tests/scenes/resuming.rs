@@ -28,7 +28,7 @@ tone = "srgb"
 exposure = 0.1
 blur = 0.5
 blur_kernel = "sampled"
-lens = { aperture = 4.0, focus = 4.0, surfaces = 2, largest_radius = 20, iris = { blades = 6 } }
+lens = { aperture = 4.0, focus = 4.0, surfaces = 2, largest_radius = 20, iris = { blades = 6 }, samples = 1, slopes = false }
 [learn.vertices]
 rate = 0.01
 smoothing = 5.0
@@ -246,6 +246,8 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ),
         ("pipeline.lens.surfaces", "surfaces = 2", "surfaces = 0", Takes),
         ("pipeline.lens.iris", "iris = { blades = 6 }", "iris = { blades = 5 }", Takes),
+        ("pipeline.lens.samples", "samples = 1", "samples = 2", Takes),
+        ("pipeline.lens.slopes", "slopes = false", "slopes = true", Takes),
         ("pipeline.lens.largest_radius", "largest_radius = 20", "largest_radius = 21", Named),
         ("learn.vertices.rate", "rate = 0.01\nsmoothing", "rate = 0.02\nsmoothing", Takes),
         ("learn.vertices.smoothing", "smoothing = 5.0", "smoothing = 9.0", Refused("lambda")),

@@ -75,7 +75,7 @@ fn tabulate(
             Cell::number(numbers[1]),
             Cell::number(truth.noise),
         ];
-        for way in [Way::Picture, Way::Gather] {
+        for way in [Way::Picture(1), Way::Gather] {
             let measured = measure(way, &scene, UNIT, numbers, &truth)?;
             row.extend(cells(&measured, &Targets { rms: reach, size }));
         }

@@ -1,7 +1,9 @@
 //! How far what is drawn, and its gradient, lie from what points of the lens see.
 
-use bokashi_catalogue::lens::{Frame, LensScene, draw, gather, mean_through};
-use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_catalogue::lens::{
+    Frame, LensScene, draw_samples, gather, mean_through, pinhole, point, through,
+};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::ssim;
 use bokashi_render_ops::{RenderError, ThinLens};
 
@@ -12,11 +14,16 @@ const NUDGED: f64 = 1.0 + 1e-4;
 /// How spirals of points are turned against each other: of two, what is noise differs.
 const TURNS: [f64; 2] = [0.0, 2.0];
 
+/// How the spiral of views is turned: like none of the truth's.
+const TURN: f64 = 1.0;
+
 /// What draws what a lens sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
-    /// `lens_picture`.
-    Picture,
+    /// A pinhole.
+    Pinhole,
+    /// `lens_picture`, with so many samples along each side of a pixel.
+    Picture(usize),
     /// `depth_of_field`.
     Gather,
     /// The mean through so many points of the lens.
@@ -35,17 +42,32 @@ impl Way {
         let frame = Frame::new(pixels);
         let numbers = [numbers[0] * frame.scale(), numbers[1]];
         if let Self::Views(count) = self {
-            return mean_through(scene, frame.without_margin(), numbers, count, 0.0);
+            return mean_through(scene, frame.without_margin(), numbers, count, TURN);
         }
         let tape = Tape::<T>::new();
-        let clip = tape.constant(&scene.clip(frame));
         let [aperture, focus] = numbers.map(|number| tape.constant_scalar(T::from_f64(number)));
-        let lens = ThinLens { aperture, focus };
-        let image = match self {
-            Self::Gather => gather(scene, frame, clip, lens)?,
-            _ => draw(scene, frame, clip, lens)?.image,
-        };
-        Ok(image.value())
+        Ok(self.drawn(scene, frame, ThinLens { aperture, focus }, 0)?.value())
+    }
+
+    /// What it records of an image: all of it, or a view.
+    pub(super) fn drawn<'t, T: Scalar>(
+        self,
+        scene: &LensScene,
+        frame: Frame,
+        lens: ThinLens<'t, T>,
+        view: usize,
+    ) -> Result<Var<'t, T>, RenderError> {
+        let tape = lens.focus.tape();
+        let inner = frame.without_margin();
+        let clip = |frame: Frame| tape.constant(&scene.clip(frame));
+        match self {
+            Self::Pinhole => pinhole(scene, inner, clip(inner)),
+            Self::Picture(samples) => draw_samples(scene, frame, clip(frame), lens, samples),
+            Self::Gather => gather(scene, frame, clip(frame), lens),
+            Self::Views(count) => {
+                through(scene, inner, clip(inner), lens, point(view, count, TURN))
+            }
+        }
     }
 }
 
@@ -68,7 +90,7 @@ fn dot(a: &Tensor<f64>, b: &Tensor<f64>) -> f64 {
 }
 
 /// The root mean square of a difference, in percent of full intensity.
-pub(super) fn percent_off(a: &Tensor<f64>, b: &Tensor<f64>) -> f64 {
+fn percent_off(a: &Tensor<f64>, b: &Tensor<f64>) -> f64 {
     let difference = zip(a, b, |a, b| a - b);
     100.0 * (dot(&difference, &difference) / difference.data().len() as f64).sqrt()
 }

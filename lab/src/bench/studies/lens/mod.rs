@@ -32,9 +32,12 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
 
 pub(super) fn fits(bench: &Bench) -> Result<Section, FitError> {
     let note = format!(
-        "Pictures of 96 px that show the truth, from starts that are a quarter off; {} steps of Adam on the mean \
-         squared error, f64. Circles: the mean difference of the radii of all pixels' circles of confusion. First \
+        "Pictures of 96 px that show the truth, {} starts each, of which every number is a sixth to three tenths \
+         off, times or divided; {} steps of Adam on the mean squared error, f64. K is the aperture, f the focus, z \
+         the distance of what is in front, which is learnt where more than two circles are seen. Circles: the mean \
+         difference of the radii of all pixels' circles of confusion. Medians over the starts and the worst; first \
          `lens_picture`, then `depth_of_field` (D).",
+        fits::seeds(bench.effort),
         fits::steps(bench.effort)
     );
     let mut study = Section::new("lens_fits", "A lens fitted to the points of the lens", note);
@@ -44,7 +47,10 @@ pub(super) fn fits(bench: &Bench) -> Result<Section, FitError> {
 
 pub(super) fn times(bench: &Bench) -> Result<Section, FitError> {
     let note = "A step draws the picture, compares it, and has the gradients by aperture and focus where that is \
-                said. Views are drawn one after the other. f32, one thread.";
+                said: without a lens there are none. Views are drawn one after the other. `lens_picture` with n x n \
+                samples finds layers, lights them and applies the lens at n times the size, and takes means over \
+                pixels. Times f32, one thread; errors, as in the tables of errors, f64. The last panels have the \
+                errors of gradients, the root of the mean of both squares.";
     let mut study = Section::new("lens_times", "A lens: error against time", note);
     let (table, figures) = times::study(bench)?;
     study.push_figures(figures);
