@@ -4,8 +4,8 @@ use std::io::Cursor;
 use std::ops::Range;
 
 use png::{
-    BitDepth, ColorType, Decoder, DeflateCompression, Encoder, EncodingError, Filter, Limits,
-    Reader, Transformations,
+    BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Filter, Limits, Reader,
+    Transformations,
 };
 
 use super::header::Header;
@@ -130,8 +130,7 @@ fn packed(
         _ => ColorType::Rgba,
     });
     encoder.set_depth(depth);
-    // A twentieth more bytes than by default, in a quarter of the time.
-    encoder.set_deflate_compression(DeflateCompression::Level(3));
+    encoder.set_compression(Compression::Balanced);
     encoder.set_filter(Filter::Adaptive);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
