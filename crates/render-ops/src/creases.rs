@@ -96,31 +96,7 @@ fn marked<T: Scalar>(
         most_jump: 2.0 * tolerance * range,
         may_jump: !indices.is(mesh) || range.is_nan(),
     };
-    let mut sizes = vec![0.0; expected];
-    for_each_piece_mut(&mut sizes, FACES_PER_PIECE, |piece, sizes| {
-        let first = piece * FACES_PER_PIECE;
-        dispatch_256::<T, _>(Measure { surface: &surface, first, sizes });
-    });
-    let (mut seams, adjacency) = (vec![0_u8; expected], mesh.adjacency());
-    for_each_piece_mut(&mut seams, FACES_PER_PIECE, |piece, seams| {
-        let first = piece * FACES_PER_PIECE;
-        let find = Find { surface: &surface, adjacency, sizes: &sizes, first, seams };
-        dispatch_256::<T, _>(find);
-    });
-    let mut has_creases = false;
-    for face in 0..expected {
-        let bits = seams[face];
-        if bits == 0 {
-            continue;
-        }
-        has_creases = true;
-        for corner in (0..3).filter(|corner| bits >> corner & 1 == 1) {
-            if let Some(beyond) = adjacency.neighbor(face, corner) {
-                seams[beyond.face as usize] |= 1 << beyond.corner;
-            }
-        }
-    }
-    Ok(if has_creases { mesh.with_more_seams(&seams) } else { mesh.clone() })
+    Ok(surface.creases().map_or_else(|| mesh.clone(), |creases| mesh.with_more_seams(&creases)))
 }
 
 /// Values that are held against each other at the same time.
@@ -302,6 +278,35 @@ impl<T: Scalar> pulp::WithSimd for Find<'_, '_, T> {
 }
 
 impl<T: Scalar> Surface<'_, T> {
+    /// The creases, per face a bit for each corner whose edge is one; `None` where there is none.
+    fn creases(&self) -> Option<Vec<u8>> {
+        let (count, adjacency) = (self.mesh.faces().len(), self.mesh.adjacency());
+        let mut sizes = vec![0.0; count];
+        for_each_piece_mut(&mut sizes, FACES_PER_PIECE, |piece, sizes| {
+            let first = piece * FACES_PER_PIECE;
+            dispatch_256::<T, _>(Measure { surface: self, first, sizes });
+        });
+        let mut seams = vec![0_u8; count];
+        for_each_piece_mut(&mut seams, FACES_PER_PIECE, |piece, seams| {
+            let first = piece * FACES_PER_PIECE;
+            dispatch_256::<T, _>(Find { surface: self, adjacency, sizes: &sizes, first, seams });
+        });
+        let mut has_creases = false;
+        for face in 0..count {
+            let bits = seams[face];
+            if bits == 0 {
+                continue;
+            }
+            has_creases = true;
+            for corner in (0..3).filter(|corner| bits >> corner & 1 == 1) {
+                if let Some(beyond) = adjacency.neighbor(face, corner) {
+                    seams[beyond.face as usize] |= 1 << beyond.corner;
+                }
+            }
+        }
+        has_creases.then_some(seams)
+    }
+
     #[inline(always)]
     fn shared_edge(&self, face: usize, corner: usize, neighbor: Neighbor) -> SharedEdge {
         let Neighbor { face: other, corner: third, is_opposite } = neighbor;
@@ -367,8 +372,8 @@ impl<T: Scalar> Surface<'_, T> {
                 // Of what is no number nothing is known. An end behind the eye does not count.
                 let holds = ((p_value - p_other).abs() <= most_jump)
                     & ((q_value - q_other).abs() <= most_jump)
-                    & ((p_bend.abs() <= most_bend) | !(p.w[lane] > 0.0))
-                    & ((q_bend.abs() <= most_bend) | !(q.w[lane] > 0.0));
+                    & ((p_bend.abs() <= most_bend) | (p.w[lane] <= 0.0))
+                    & ((q_bend.abs() <= most_bend) | (q.w[lane] <= 0.0));
                 is_smooth[lane] = if holds { is_smooth[lane] } else { -1.0 };
             }
         }
