@@ -24,6 +24,10 @@ type Square = [[f64; 4]; 4];
 /// Sweeps of Jacobi's method: it squares the error with each; five are enough in practice.
 const SWEEPS: usize = 12;
 
+/// Squares of what lies off the diagonal, of a matrix about as large as 1, that count for nothing: the step of
+/// perturbation theory squares the error once more.
+const SMALL: f64 = 1e-28;
+
 /// Differences of eigenvalues, over the largest one, below which no derivative is known.
 const CLOSEST: f64 = 1e-12;
 
@@ -32,7 +36,7 @@ fn eigenpairs(mut a: Square) -> ([f64; 4], Square) {
     let mut vectors: Square = from_fn(|i| from_fn(|j| f64::from(i == j)));
     for _ in 0..SWEEPS {
         let off: f64 = (0..4).map(|i| (0..i).map(|j| a[i][j] * a[i][j]).sum::<f64>()).sum();
-        if off == 0.0 {
+        if off <= SMALL {
             break;
         }
         for p in 0..3 {

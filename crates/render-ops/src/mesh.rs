@@ -73,9 +73,8 @@ impl Mesh {
             mesh.faces().iter().map(move |face| face.map(|vertex| vertex + first as u32))
         });
         let has_seams = parts.clone().any(|(mesh, _)| !mesh.seams.is_empty());
-        let seams_of = |(mesh, _): (&'a Self, usize)| {
-            (0..mesh.faces().len()).map(|face| mesh.seams.get(face).copied().unwrap_or_default())
-        };
+        let seams_of =
+            |(mesh, _): (&'a Self, usize)| (0..mesh.faces().len()).map(|face| mesh.seams_of(face));
         let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Arc::default() };
         Ok(Self::from_checked(faces.collect(), vertex_count, seams))
     }
@@ -108,15 +107,21 @@ impl Mesh {
     /// The same mesh whose seams are its own and `more`: per face, a bit for each corner whose edge is a
     /// seam.
     pub(crate) fn with_more_seams(&self, more: &[u8]) -> Self {
-        let bits = |face: usize| self.seams.get(face).copied().unwrap_or_default();
-        let seams = more.iter().enumerate().map(|(face, more)| bits(face) | more).collect();
+        let seams = more.iter().enumerate();
+        let seams = seams.map(|(face, more)| self.seams_of(face) | more).collect();
         Self { topology: Arc::clone(&self.topology), seams }
     }
 
     /// Whether a face says that its edge facing a corner is a seam.
     #[inline(always)]
     pub fn is_seam(&self, face: usize, corner: usize) -> bool {
-        self.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
+        self.seams_of(face) >> corner & 1 == 1
+    }
+
+    /// A bit for each corner of a face whose edge it says is a seam.
+    #[inline(always)]
+    pub(crate) fn seams_of(&self, face: usize) -> u8 {
+        self.seams.get(face).copied().unwrap_or_default()
     }
 
     /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
@@ -152,6 +157,7 @@ impl Mesh {
     }
 
     /// Which faces share an edge.
+    #[inline]
     pub fn adjacency(&self) -> &Adjacency {
         self.topology.adjacency.get_or_init(|| Adjacency::new(&self.topology.faces))
     }
@@ -189,6 +195,8 @@ pub struct Adjacency {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Neighbor {
     pub(crate) face: u32,
+    /// Which of its corners faces the edge.
+    pub(crate) corner: u8,
     /// Whether it runs through the edge's vertices in the other order, as neighbours in an oriented
     /// surface do.
     pub(crate) is_opposite: bool,
@@ -236,9 +244,11 @@ impl Adjacency {
                     adjacency.across[f][j] = faces[g][k];
                     adjacency.across[g][k] = faces[f][j];
                     let is_opposite = faces[f][(j + 1) % 3] != faces[g][(k + 1) % 3];
-                    let neighbor = |face| Some(Neighbor { face: face as u32, is_opposite });
-                    adjacency.neighbors[f][j] = neighbor(g);
-                    adjacency.neighbors[g][k] = neighbor(f);
+                    let neighbor = |face: usize, corner: usize| {
+                        Some(Neighbor { face: face as u32, corner: corner as u8, is_opposite })
+                    };
+                    adjacency.neighbors[f][j] = neighbor(g, k);
+                    adjacency.neighbors[g][k] = neighbor(f, j);
                 }
                 _ => adjacency.crowded_edges += 1,
             }
@@ -259,6 +269,12 @@ impl Adjacency {
     /// The other face at the edge that faces corner `corner` of `face`, where there is exactly one.
     pub(crate) fn neighbor(&self, face: usize, corner: usize) -> Option<Neighbor> {
         self.neighbors[face][corner]
+    }
+
+    /// [`Self::neighbor`] of each corner of `face`.
+    #[inline(always)]
+    pub(crate) fn neighbors(&self, face: usize) -> &[Option<Neighbor>; 3] {
+        &self.neighbors[face]
     }
 
     /// The number of edges that one face has alone.

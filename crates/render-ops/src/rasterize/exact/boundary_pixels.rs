@@ -17,6 +17,7 @@ use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
+use crate::mesh::Neighbor;
 use crate::raster_options::Sampling;
 
 /// The memory of the search.
@@ -73,18 +74,25 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         face_bits.clear();
         planes.clear(band.faces.len());
         for (index, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
+            let neighbors = adjacency.neighbors(face as usize);
             let outline = each_edge(|k| view.is_silhouette(face as usize, k));
-            let seams = each_edge(|k| has_seams && view.mesh.is_seam(face as usize, k));
+            let seams =
+                if has_seams { FaceBits::from(view.mesh.seams_of(face as usize)) } else { 0 };
             let along_axis = each_edge(|k| is_along_axis(weights.edges[k]));
-            let corners = view.corners_of(face as usize);
-            let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
+            let [p, q, r] = view.corners_of(face as usize);
+            let is_beyond = p.is_beyond_depths() | q.is_beyond_depths() | r.is_beyond_depths();
             let marked = outline | seams;
-            let is_before = |other: u32| other < face && view.verdicts[other as usize].is_drawn();
-            let beyond = |k| adjacency.neighbor(face as usize, k).map(|neighbor| neighbor.face);
-            let stands_second = |k| marked >> k & 1 == 1 && beyond(k).is_some_and(is_before);
+            let is_before = |beyond: Neighbor| {
+                beyond.face < face && view.verdicts[beyond.face as usize].is_drawn()
+            };
+            let second = if marked == 0 {
+                0
+            } else {
+                each_edge(|k| marked >> k & 1 == 1 && neighbors[k].is_some_and(is_before))
+            };
             let bits = marked
                 | (seams & !outline) << INNER_SEAM
-                | each_edge(stands_second) << SECOND
+                | second << SECOND
                 | along_axis << ALONG_AXIS
                 | FaceBits::from(is_beyond) << BEYOND_DEPTHS;
             face_bits.push(bits);

@@ -15,6 +15,8 @@ pub(super) struct PixelMask {
     words_per_row: usize,
     /// How many pixels are marked in the words before each word, once they are counted.
     before: Vec<u32>,
+    /// Per word of a row: what is marked in some row, once they are counted.
+    some_row: Vec<u64>,
 }
 
 impl PixelMask {
@@ -47,20 +49,18 @@ impl PixelMask {
         }
     }
 
-    /// Whether a pixel of `rows` is marked among `columns`.
+    /// Whether a pixel of `rows` is marked among `columns`. The pixels have been counted.
     #[inline(always)]
     pub(super) fn has_some(&self, rows: Range<usize>, columns: Range<usize>) -> bool {
         if columns.is_empty() {
             return false;
         }
         let (first, last) = (columns.start, columns.end - 1);
-        let words = first / BITS..last / BITS + 1;
-        let mut some = 0;
-        for word in words {
-            let all = rows.clone().map(|row| self.words[row * self.words_per_row + word]);
-            some |= within(word, first, last) & all.fold(0, |some, bits| some | bits);
-        }
-        some != 0
+        (first / BITS..last / BITS + 1).any(|word| {
+            let within = within(word, first, last);
+            let mut all = rows.clone().map(|row| self.words[row * self.words_per_row + word]);
+            self.some_row[word] & within != 0 && all.any(|bits| bits & within != 0)
+        })
     }
 
     /// Marks, in the place of pixels, the blocks of [`BLOCK`] pixels of a row that are wholly marked in
@@ -82,6 +82,11 @@ impl PixelMask {
 
     /// Counts the marked pixels.
     pub(super) fn count(&mut self) -> usize {
+        self.some_row.clear();
+        self.some_row.resize(self.words_per_row, 0);
+        for row in self.words.chunks_exact(self.words_per_row.max(1)) {
+            self.some_row.iter_mut().zip(row).for_each(|(some, bits)| *some |= bits);
+        }
         self.before.clear();
         let mut count = 0;
         self.before.extend(self.words.iter().map(|word| {
