@@ -190,26 +190,22 @@ impl Coverage {
     pub(crate) fn for_each_slot_mut<T: Scalar>(
         &self,
         entries: &mut [T],
-        work: impl Fn(&Runs, usize, Range<usize>, &mut [T]) + Sync,
+        work: impl Fn(&Runs, usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
         let width = entries.len().checked_div(self.count()).unwrap_or(0);
         let mut rest = entries;
         for (runs, before) in self.kinds() {
             let (entries, others) = rest.split_at_mut(runs.count * width);
             rest = others;
-            runs.for_each_band_mut(width, entries, |slots, first, entries| {
-                crate::dispatch::dispatch::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for slot in slots {
-                            let Range { start, end } = runs.fragments_of(slot..slot + 1);
-                            let target =
-                                &mut entries[(start - first) * width..(end - first) * width];
-                            work(runs, slot, before + start..before + end, target);
-                        }
-                    },
-                );
-            });
+            runs.for_each_slot_mut(
+                width,
+                entries,
+                #[inline(always)]
+                |slot, fragments, own| {
+                    let fragments = before + fragments.start..before + fragments.end;
+                    work(runs, slot, fragments, own);
+                },
+            );
         }
     }
 

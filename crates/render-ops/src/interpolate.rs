@@ -207,25 +207,28 @@ impl Interpolate {
         let clip_bar = gradients.get(2).expect("it is wanted");
         let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());
         // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
-        let pieces = coverage.pieces.slots.len();
-        if left_out.len() + pieces > 0 {
+        if !left_out.is_empty() || coverage.pieces.count > 0 {
             let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
-            let by_kind = [left_out, (0..pieces).collect()];
-            let before = [0, coverage.centers()];
-            for (((layout, shares), slots), before) in
-                self.shares(uv, s_bar, 3).into_iter().zip(by_kind).zip(before)
-            {
-                for slot in slots {
-                    let fragments = layout.runs.fragments_of(slot..slot + 1);
-                    let corners = self.shown.corners(attributes, 3, layout.runs.face(slot));
-                    let s_bar = &shares.s_bar[3 * fragments.start..3 * fragments.end];
-                    let fragments = before + fragments.start..before + fragments.end;
-                    let uv_bar = &mut uv_bar[2 * fragments.start..2 * fragments.end];
-                    pull_back_face(corners, s_bar, uv_bar, false);
-                    if let Some(attributes_bar) = &mut attributes_bar {
-                        layout.add_slot(attributes_bar, &shares, slot);
-                    }
+            let (of_centers, of_pieces) = uv_bar.split_at_mut(2 * coverage.centers());
+            let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
+            for slot in left_out {
+                let fragments = centers.runs.fragments_of(slot..slot + 1);
+                let corners = self.shown.corners(attributes, 3, centers.runs.face(slot));
+                let s_bar = &s_bar[3 * fragments.start..3 * fragments.end];
+                let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
+                pull_back_face(corners, s_bar, uv_bar, false);
+                if let Some(attributes_bar) = &mut attributes_bar {
+                    centers.add_slot(attributes_bar, &shares, slot);
                 }
+            }
+            let visit = |slot, fragments: Range<usize>, uv_bar: &mut [T]| {
+                let corners = self.shown.corners(attributes, 3, pieces.runs.face(slot));
+                let s_bar = &shares_of_pieces.s_bar[3 * fragments.start..3 * fragments.end];
+                pull_back_face(corners, s_bar, uv_bar, false);
+            };
+            match &mut attributes_bar {
+                Some(bar) => pieces.add_to_and_visit(bar, &shares_of_pieces, of_pieces, visit),
+                None => pieces.runs.for_each_slot_mut(2, of_pieces, visit),
             }
         }
         if let Some(attributes_bar) = attributes_bar {

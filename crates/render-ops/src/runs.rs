@@ -8,8 +8,10 @@
 
 use std::ops::Range;
 
+use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, is_shared};
 
+use crate::dispatch::dispatch;
 use crate::size::Size;
 
 /// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
@@ -189,6 +191,30 @@ impl Runs {
         work: impl Fn(Range<usize>, usize, &mut [T]) + Send + Sync,
     ) {
         self.merge_bands_mut(width, entries, work, |()| {});
+    }
+
+    /// Calls `work(slot, fragments, own)` for each slot, with the entries of its fragments; as
+    /// [`Runs::for_each_band_mut`].
+    #[inline(always)]
+    pub(crate) fn for_each_slot_mut<T: Scalar>(
+        &self,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
+    ) {
+        self.for_each_band_mut(width, entries, |slots, first, entries| {
+            dispatch::<T, _>(
+                #[inline(always)]
+                || {
+                    for slot in slots {
+                        let fragments = self.fragments_of(slot..slot + 1);
+                        let own =
+                            (fragments.start - first) * width..(fragments.end - first) * width;
+                        work(slot, fragments, &mut entries[own]);
+                    }
+                },
+            );
+        });
     }
 
     /// [`Runs::for_each_band_mut`], with `merge` called on the results in the order of the bands.

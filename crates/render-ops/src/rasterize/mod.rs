@@ -405,6 +405,10 @@ impl<T: Scalar> Op<T> for Rasterize {
         let Some(clip_bar) = gradients.get(0) else { return };
         for (layer, coverage) in layers.iter().enumerate().rev() {
             let Some(uv_bar) = kept.upstream(layer) else { continue };
+            // Vertices have mostly got theirs directly: see `direct_gradients`.
+            if uv_bar[..2 * coverage.centers()].iter().all(|&bar| bar == T::ZERO) {
+                continue;
+            }
             let (corners, uv) = (&visibility.corners, kept.output(layer));
             let pull_back = WeightPullBack { coverage, corners, uv, uv_bar };
             let layout = Layout { runs: &coverage.centers, mesh: &self.mesh, width: 4 };
