@@ -181,7 +181,7 @@ impl Count {
         let whole: [(Cow<'static, str>, u64); 3] = [
             ("recording: no input needs a gradient".into(), self.unrecorded),
             ("backward: no gradient below is asked for".into(), self.unwanted),
-            ("backward: nothing depends on its outputs".into(), self.unused),
+            ("backward: no gradient reaches its outputs".into(), self.unused),
         ];
         let apart = |what: &'static str, counts: [u64; COUNTED_APART], why: &'static str| {
             counts.into_iter().enumerate().map(move |(k, count)| {

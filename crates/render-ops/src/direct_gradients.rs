@@ -1,6 +1,6 @@
 //! From the gradients of interpolated values to those of vertices, past those of the barycentrics.
 //!
-//! Where nobody asks for the gradients of u and v, no fragment needs any. `rasterize` would sum over a face's
+//! Where nobody asks for the gradients of u and v, no fragment at a pixel centre needs any. `rasterize` would sum over a face's
 //! fragments `S_ij = sum b_i (b_bar_j - m)` (see `rasterize::pull_back`), with `m = sum_j b_bar_j b_j`,
 //! `b_bar_0 = sum_c s_bar_c (A_0c - A_2c)`, `b_bar_1 = sum_c s_bar_c (A_1c - A_2c)` and `b_bar_2 = 0`. The attributes'
 //! own gradients are the sums `G_ci = sum b_i s_bar_c`. With these and `M_i = sum b_i m`:
@@ -8,8 +8,8 @@
 //! So twelve sums of a face give both gradients. What follows from the sums is worked out for some faces side by
 //! side.
 //!
-//! Faces whose third weight loses digits, and those whose sums leave the range of the numbers, are left to
-//! `rasterize`, which takes more care of them.
+//! Where the third weight of some face loses digits, `rasterize` goes its way with all of them. Faces whose sums leave
+//! the range of the numbers are left to it, too.
 
 use std::ops::Range;
 
@@ -49,6 +49,18 @@ type Sums<S> = [[S; 3]; 4];
 type Slopes<S> = [[S; 3]; 2];
 
 impl<T: Scalar> DirectGradients<'_, T> {
+    /// Whether the third weight of every face has its digits.
+    pub(crate) fn has_even_weights(&self) -> bool {
+        let Coverage { mesh, size, centers, .. } = self.coverage;
+        centers.slots.iter().all(|slot| {
+            let vertices = mesh.faces()[slot.face as usize].map(|vertex| {
+                let [x, y, _, w] = self.clip[vertex as usize];
+                Vertex::unscaled([x, y, w], *size)
+            });
+            has_even_vertices(&vertices, *size)
+        })
+    }
+
     /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes.
     /// Returns the slots of the faces that are left out.
     pub(crate) fn add_to(

@@ -138,7 +138,10 @@ impl<T: Scalar> Op<T> for Interpolate {
         let channels = kept.input_shape(0)[1];
         // Who asks for the gradient of the barycentrics gets it.
         if self.is_direct && gradients.needs(2) && !gradients.is_result(1) {
-            return self.pull_back_directly(kept, gradients);
+            let direct = self.direct(kept);
+            if direct.has_even_weights() {
+                return self.pull_back_directly(&direct, kept, gradients);
+            }
         }
         let mut barycentrics_bar = gradients.take(1);
         let uv_bar = barycentrics_bar.as_mut().map(Accumulator::entries_or_fresh);
@@ -187,22 +190,27 @@ impl<T: Scalar> Op<T> for Interpolate {
 }
 
 impl Interpolate {
+    /// What three channels lead to.
+    fn direct<'a, T: Scalar>(&'a self, kept: &'a Kept<'_, T>) -> DirectGradients<'a, T> {
+        DirectGradients {
+            coverage: &self.shown.coverage,
+            indices: &self.shown.indices,
+            attributes: kept.input(0).as_chunks().0,
+            barycentrics: kept.input(1).as_chunks().0,
+            clip: kept.input(2).as_chunks().0,
+            s_bar: kept.only_upstream().as_chunks().0,
+        }
+    }
+
     /// Adds the gradients of three channels to those of attributes and clip positions: see `direct_gradients`.
     fn pull_back_directly<T: Scalar>(
         &self,
+        direct: &DirectGradients<'_, T>,
         kept: &Kept<'_, T>,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Attributes { indices, coverage } = &self.shown;
+        let coverage = &*self.shown.coverage;
         let (attributes, uv, s_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
-        let direct = DirectGradients {
-            coverage,
-            indices,
-            attributes: attributes.as_chunks().0,
-            barycentrics: uv.as_chunks().0,
-            clip: kept.input(2).as_chunks().0,
-            s_bar: s_bar.as_chunks().0,
-        };
         let mut attributes_bar = gradients.take(0);
         let clip_bar = gradients.get(2).expect("it is wanted");
         let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());

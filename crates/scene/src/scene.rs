@@ -199,7 +199,8 @@ impl Scene {
 }
 
 /// Checks that there is memory for the largest of these views, of whose pixels each takes so many bytes. Behind a lens
-/// each hidden surface takes as many, and all blurs together: measured, four times as many for two surfaces.
+/// each hidden surface takes as many, and all blurs together: measured, four times as many for two surfaces. All that is
+/// of each sample.
 ///
 /// # Errors
 /// [`SceneError::Memory`] at the view's image, or the folder where it has none.
@@ -210,7 +211,10 @@ pub(crate) fn check_views(
     of_pixel: u64,
 ) -> Result<(), SceneError> {
     let lens = description.pipeline.lens;
-    let of_pixel = of_pixel * lens.map_or(1, |lens| 2 + lens.surface_count() as u64);
+    let of_pixel = of_pixel
+        * lens.map_or(1, |lens| {
+            (2 + lens.surface_count() as u64) * lens.sample_count().pow(2) as u64
+        });
     let pixels = |view: &SceneView| view.camera.size.width as u64 * view.camera.size.height as u64;
     let Some(largest) = views.iter().max_by_key(|view| pixels(view)) else { return Ok(()) };
     let path = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));

@@ -53,7 +53,7 @@ fn gradients_that_were_not_needed_are_named() {
     };
     assert!(left_out().is_empty());
     let frozen_input = "mul gradient of input 1: not asked for 1";
-    let unused = "sin backward: nothing depends on its outputs 1";
+    let unused = "sin backward: no gradient reaches its outputs 1";
     let _ = loss.backward().unwrap();
     assert_eq!(left_out(), [frozen_input, unused]);
     let _ = loss.backward_to(&[x]).unwrap();
@@ -62,7 +62,7 @@ fn gradients_that_were_not_needed_are_named() {
     // In the order in which the tape met the operations; what lies below x is not reached.
     let add = "add gradient of input 0: not asked for 1";
     let unused =
-        ["mul", "exp", "sin"].map(|n| format!("{n} backward: nothing depends on its outputs 1"));
+        ["mul", "exp", "sin"].map(|n| format!("{n} backward: no gradient reaches its outputs 1"));
     assert_eq!(left_out(), [&*unused[0], &*unused[1], add, &*unused[2]]);
 }
 

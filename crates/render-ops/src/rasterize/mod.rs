@@ -407,6 +407,8 @@ impl<T: Scalar> Op<T> for Rasterize {
             let Some(uv_bar) = kept.upstream(layer) else { continue };
             // Vertices have mostly got theirs directly: see `direct_gradients`.
             if uv_bar[..2 * coverage.centers()].iter().all(|&bar| bar == T::ZERO) {
+                // All zeros, where nothing else is there.
+                clip_bar.entries();
                 continue;
             }
             let (corners, uv) = (&visibility.corners, kept.output(layer));

@@ -167,6 +167,8 @@ struct Drawn {
     sampling: Sampling,
     /// What the gradients of the values are multiplied by.
     scale: f64,
+    /// Whether the attributes have an index buffer of their own.
+    has_own: bool,
 }
 
 fn drawn() -> impl Strategy<Value = Drawn> {
@@ -177,10 +179,11 @@ fn drawn() -> impl Strategy<Value = Drawn> {
     let size = prop_oneof![3 => (1..24_usize, 1..24_usize), 1 => Just((150, 230))];
     let sampling = prop_oneof![Just(Sampling::Center), Just(Sampling::Exact)];
     let scale = prop_oneof![4 => Just(1.0), 1 => Just(1e-290), 1 => Just(1e300), 1 => Just(1e306)];
-    (vertices, faces, size, sampling, scale).prop_map(|(vertices, faces, size, sampling, scale)| {
+    let all = (vertices, faces, size, sampling, scale, any::<bool>());
+    all.prop_map(|(vertices, faces, size, sampling, scale, has_own)| {
         let clip = Tensor::new([12, 4], vertices.concat()).unwrap();
         let size = Size { width: size.0, height: size.1 };
-        Drawn { clip, mesh: Mesh::new(faces, 12).unwrap(), size, sampling, scale }
+        Drawn { clip, mesh: Mesh::new(faces, 12).unwrap(), size, sampling, scale, has_own }
     })
 }
 
@@ -189,20 +192,31 @@ impl Drawn {
     fn gradients<T: Scalar>(&self, is_through: bool) -> [Tensor<T>; 2] {
         let tape = Tape::<T>::new();
         let (clip, colors) = (tape.leaf(&self.clip.cast()), tape.leaf(&numbers(12, 3)));
+        let turned = self.mesh.faces().iter().map(|&[a, b, c]| [c, (a + 1) % 12, b]).collect();
+        let indices = if self.has_own { &Mesh::new(turned, 12).unwrap() } else { &self.mesh };
         let options = RasterOptions::new(self.size).sampling(self.sampling);
         let fragments = rasterize(clip, &self.mesh, options.creases(&[colors.into()])).unwrap();
-        let values = interpolate(colors, &fragments).unwrap();
+        let values = interpolate_indexed(colors, indices, &fragments).unwrap();
         let upstream = numbers::<T>(fragments.coverage.count(), 3);
         let upstream = upstream.map(|x: T| T::from_f64(self.scale) * x);
+        let seeds = [(values, &upstream)];
         let wrt = [clip, colors, fragments.barycentrics];
         let wrt = if is_through { &wrt[..] } else { &wrt[..2] };
-        let gradients = tape.vjp_to(&[(values, &upstream)], wrt).unwrap();
-        [clip, colors].map(|of| gradients.get(of).cloned().unwrap())
+        let gradients = tape.vjp_to(&seeds, wrt).unwrap();
+        let [of_clip, of_colors] = [clip, colors].map(|of| gradients.get(of).cloned().unwrap());
+        // Alone it is the same, to the bit.
+        let alone = tape.vjp_to(&seeds, &wrt[..1]).unwrap();
+        let alone = alone.get(clip).cloned().unwrap();
+        let is_same = |(a, b): (&T, &T)| a == b || a.to_f64().is_nan() && b.to_f64().is_nan();
+        assert!(is_through || alone.data().iter().zip(of_clip.data()).all(is_same));
+        [of_clip, of_colors]
     }
 }
 
+/// The largest of those that are finite.
 fn largest<T: Scalar>(numbers: &[T]) -> f64 {
-    numbers.iter().fold(0.0, |most, number| number.abs().to_f64().max(most))
+    let finite = numbers.iter().filter(|number| number.is_finite());
+    finite.fold(0.0, |most, number| number.abs().to_f64().max(most))
 }
 
 proptest! {
@@ -215,6 +229,7 @@ proptest! {
             let most = largest(through.data());
             for (&a, &b) in through.data().iter().zip(past.data()) {
                 let is_close = a == b || (a - b).abs() <= 1e-9 * most || a.is_nan() && b.is_nan();
+                prop_assert_eq!(a.is_finite(), b.is_finite());
                 prop_assert!(is_close, "{a} {b} of {most}");
             }
         }
