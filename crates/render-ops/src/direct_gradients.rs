@@ -38,7 +38,8 @@ pub(crate) struct DirectGradients<'a, T> {
 /// The gradients of a face's vertices.
 #[derive(Clone, Copy)]
 struct FaceBars<T> {
-    clip: [[T; 4]; 3],
+    /// Of x, y and w.
+    clip: [[T; 3]; 3],
     attributes: [[T; 3]; 3],
 }
 
@@ -76,7 +77,8 @@ impl<T: Scalar> DirectGradients<'_, T> {
         let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
             let Some(bars) = bars else { return left_out.push(slot) };
             let face = centers.face(slot);
-            add_rows(clip_bar, faces[face], &bars.clip);
+            let clip_rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
+            add_rows(clip_bar, faces[face], &clip_rows);
             if let Some(attributes_bar) = &mut attributes_bar {
                 add_rows(attributes_bar, self.indices.faces()[face], &bars.attributes);
             }
@@ -262,7 +264,7 @@ impl<T: Scalar> Group<T> {
     /// The gradients of the face in a lane; `None` where `rasterize` takes more care.
     #[inline(always)]
     fn bars(&self, lane: usize) -> Option<FaceBars<T>> {
-        let clip = self.bars.each_ref().map(|[x, y, w]| [x[lane], y[lane], T::ZERO, w[lane]]);
+        let clip = self.bars.each_ref().map(|row| row.each_ref().map(|bar| bar[lane]));
         let attributes = [0, 1, 2].map(|i| [0, 1, 2].map(|c| T::narrow(self.sums[c][i][lane])));
         let is_plain = self.are_even[lane]
             & are_finite(clip.as_flattened())

@@ -173,7 +173,9 @@ mod tests {
         assert_eq!(names[..5], expected);
         assert_eq!(names[5..], ["gaussian_blur", "squared_error"]);
         for entry in &report.operations {
-            assert_eq!((entry.calls, entry.backward_calls), (2, 2), "{report}");
+            // The gradients of what is interpolated lead past `rasterize`.
+            let backward = if entry.name == "rasterize" { 0 } else { 2 };
+            assert_eq!((entry.calls, entry.backward_calls), (2, backward), "{report}");
             let small = |error: Option<f64>| (0.0..1e-3).contains(&error.unwrap());
             assert!(small(entry.error) && small(entry.gradient_error), "{report}");
         }
