@@ -62,14 +62,14 @@ impl<T: Scalar> DirectGradients<'_, T> {
         })
     }
 
-    /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes.
-    /// Returns the slots of the faces that are left out.
+    /// Adds to the gradients that are wanted: of the clip positions, `[V, 4]`, and of the attributes. One alone has the
+    /// bits that it has beside the other. Returns the slots of the faces that are left out.
     pub(crate) fn add_to(
         &self,
-        clip_bar: &mut Accumulator<T>,
+        clip_bar: Option<&mut Accumulator<T>>,
         attributes_bar: Option<&mut Accumulator<T>>,
     ) -> Vec<usize> {
-        let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
+        let mut clip_bar = clip_bar.map(|clip| clip.entries().as_chunks_mut::<4>().0);
         let mut attributes_bar =
             attributes_bar.map(|attributes| attributes.entries().as_chunks_mut::<3>().0);
         let (centers, faces) = (&self.coverage.centers, self.coverage.mesh().faces());
@@ -77,8 +77,10 @@ impl<T: Scalar> DirectGradients<'_, T> {
         let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
             let Some(bars) = bars else { return left_out.push(slot) };
             let face = centers.face(slot);
-            let clip_rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
-            add_rows(clip_bar, faces[face], &clip_rows);
+            if let Some(clip_bar) = &mut clip_bar {
+                let rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
+                add_rows(clip_bar, faces[face], &rows);
+            }
             if let Some(attributes_bar) = &mut attributes_bar {
                 add_rows(attributes_bar, self.indices.faces()[face], &bars.attributes);
             }

@@ -137,7 +137,7 @@ impl<T: Scalar> Op<T> for Interpolate {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         // Who asks for the gradient of the barycentrics gets it.
-        if self.is_direct && gradients.needs(2) && !gradients.is_result(1) {
+        if self.is_direct && !gradients.is_result(1) {
             let direct = self.direct(kept);
             if direct.has_even_weights() {
                 return self.pull_back_directly(&direct, kept, gradients);
@@ -212,19 +212,21 @@ impl Interpolate {
         let coverage = &*self.shown.coverage;
         let (attributes, uv, s_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
         let mut attributes_bar = gradients.take(0);
-        let clip_bar = gradients.get(2).expect("it is wanted");
-        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());
+        let left_out = direct.add_to(gradients.get(2), attributes_bar.as_mut());
         // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
         if !left_out.is_empty() || coverage.pieces.count > 0 {
-            let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
-            let (of_centers, of_pieces) = uv_bar.split_at_mut(2 * coverage.centers());
+            let uv_bar = gradients.get(1).map(Accumulator::entries);
+            let (mut of_centers, of_pieces) =
+                uv_bar.map(|bar| bar.split_at_mut(2 * coverage.centers())).unzip();
             let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
             for slot in left_out {
                 let fragments = centers.runs.fragments_of(slot..slot + 1);
                 let corners = self.shown.corners(attributes, 3, centers.runs.face(slot));
                 let s_bar = &s_bar[3 * fragments.start..3 * fragments.end];
-                let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
-                pull_back_face(corners, s_bar, uv_bar, false);
+                if let Some(of_centers) = &mut of_centers {
+                    let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
+                    pull_back_face(corners, s_bar, uv_bar, false);
+                }
                 if let Some(attributes_bar) = &mut attributes_bar {
                     centers.add_slot(attributes_bar, &shares, slot);
                 }
@@ -234,9 +236,13 @@ impl Interpolate {
                 let s_bar = &shares_of_pieces.s_bar[3 * fragments.start..3 * fragments.end];
                 pull_back_face(corners, s_bar, uv_bar, false);
             };
-            match &mut attributes_bar {
-                Some(bar) => pieces.add_to_and_visit(bar, &shares_of_pieces, of_pieces, visit),
-                None => pieces.runs.for_each_slot_mut(2, of_pieces, visit),
+            match (&mut attributes_bar, of_pieces) {
+                (Some(attributes_bar), Some(uv_bar)) => {
+                    pieces.add_to_and_visit(attributes_bar, &shares_of_pieces, uv_bar, visit);
+                }
+                (Some(attributes_bar), None) => pieces.add_to(attributes_bar, &shares_of_pieces),
+                (None, Some(uv_bar)) => pieces.runs.for_each_slot_mut(2, uv_bar, visit),
+                (None, None) => {}
             }
         }
         if let Some(attributes_bar) = attributes_bar {
