@@ -17,8 +17,8 @@ use bokashi_fit::{
 use bokashi_render_ops::{
     Background, Blur, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
     RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
-    composite, composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate,
-    rasterize, rasterize_behind, sample_texture,
+    composite, composite_layers, depth_layers, gaussian_blur, interpolate, rasterize,
+    rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
