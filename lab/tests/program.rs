@@ -78,7 +78,7 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
     assert_eq!(found["quick"], true);
     let studies = found["studies"].as_array().expect("a list");
     let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
-    let all = "scenes meshes silhouettes masks fits photographs blur lens \
+    let all = "scenes meshes silhouettes fits photographs blur lens \
                lens_fits lens_times operations surfaces nodes";
     assert_eq!(names.join(" "), all);
     let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");

@@ -17,8 +17,8 @@ use bokashi_fit::{
 use bokashi_render_ops::{
     Background, Blur, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
     RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
-    composite, composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate,
-    rasterize, rasterize_behind, sample_texture,
+    composite, composite_layers, depth_layers, gaussian_blur, interpolate, rasterize,
+    rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
@@ -132,8 +132,6 @@ fn every_render_error_says_the_rule_and_the_value() {
     let weightless = Fragments { weight: None, ..exact.clone() };
     let weightless = composite(values, &weightless, Background::Zero).map(drop);
     let exact = antialias(composite(values, &exact, Background::Zero).unwrap()).map(drop);
-    let outline = RasterOptions::new(Size::square(4)).sampling(Sampling::Outline);
-    let outline = rasterize(clip, fragments.coverage.mesh(), outline).unwrap();
     let eight_probes = TextureFilter::Anisotropic { probes: 8 };
     let looked_up = |sampler| {
         let texture = Texture::new(tape.constant_full([1, 1, 1], 0.5)).unwrap();
@@ -160,11 +158,6 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             Mesh::new(vec![], 1 << 31).unwrap_err(),
             "a mesh needs fewer than 2^31 faces and vertices, got 2147483648",
-        ),
-        (
-            depths(&outline).map(drop).unwrap_err(),
-            "depth needs fragments at pixel centres or with exact coverage, got those of an outline, which show \
-             attributes that are the same at all vertices and nothing else",
         ),
         (
             weightless.unwrap_err(),

@@ -34,8 +34,6 @@ pub struct Coverage {
     pub(crate) boundary: Boundary,
     /// Whether pictures of it are antialiased.
     pub(crate) antialias: bool,
-    /// Whether a boundary pixel is resolved by its outline alone.
-    pub(crate) is_outline: bool,
     /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
     /// zero within rounding, or where that side is culled.
     pub(crate) orientations: Vec<i8>,
@@ -66,7 +64,6 @@ impl Coverage {
             pieces: Runs::default(),
             boundary: Boundary::default(),
             antialias: false,
-            is_outline: false,
             orientations: Vec::new(),
         }
     }
@@ -155,12 +152,6 @@ impl Coverage {
             return Err(RenderError::ExactCoverage { operation, pixels });
         }
         Ok(())
-    }
-
-    /// # Errors
-    /// [`RenderError::Outline`] for fragments of [`Sampling::Outline`](crate::Sampling::Outline).
-    pub(crate) fn check_shaded(&self, operation: &'static str) -> Result<(), RenderError> {
-        if self.is_outline { Err(RenderError::Outline { operation }) } else { Ok(()) }
     }
 
     /// How the pixels of [`Coverage::boundary`] were resolved.

@@ -48,15 +48,14 @@ use crate::size::Size;
 /// [`interpolate_differentials`](crate::interpolate_differentials()).
 ///
 /// # Errors
-/// [`RenderError::Shape`] for fragments that are not whole; [`RenderError::Outline`] for those of an outline;
-/// `TensorError::ForeignVariable` for fragments of several tapes.
+/// [`RenderError::Shape`] for fragments that are not whole; `TensorError::ForeignVariable` for
+/// fragments of several tapes.
 #[inline(never)]
 pub fn differentials<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let tape = fragments.clip.tape();
     let coverage = fragments.checked_coverage("differentials", tape)?;
-    coverage.check_shaded("differentials")?;
     tape.apply(Differentials { coverage }, &[fragments.clip, fragments.barycentrics])
 }
 

@@ -111,16 +111,6 @@ pub enum RenderError {
         pixels: usize,
     },
 
-    /// What varies over a surface was asked of the fragments of an outline.
-    #[error(
-        "{operation} needs fragments at pixel centres or with exact coverage, got those of an outline, \
-         which show attributes that are the same at all vertices and nothing else"
-    )]
-    Outline {
-        /// The operation.
-        operation: &'static str,
-    },
-
     /// Exact coverage was asked for, and nobody said which attributes have creases.
     #[error(
         "rasterize with exact coverage needs the attributes that will be shown, \

@@ -45,14 +45,13 @@ pub(crate) trait Quotient: Send + Sync + 'static {
 /// The quotient at each fragment, `[N]`.
 ///
 /// # Errors
-/// [`RenderError::Shape`] for fragments that are not whole; [`RenderError::Outline`];
-/// `TensorError::ForeignVariable` for fragments of several tapes.
+/// [`RenderError::Shape`] for fragments that are not whole; `TensorError::ForeignVariable` for
+/// fragments of several tapes.
 pub(crate) fn quotients<'t, T: Scalar, Q: Quotient>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let tape = fragments.clip.tape();
     let coverage = fragments.checked_coverage(Q::NAME, tape)?;
-    coverage.check_shaded(Q::NAME)?;
     let inputs = [fragments.clip, fragments.barycentrics];
     let count = if coverage.is_exact() { 2 } else { 1 };
     tape.apply(OfFragments::<Q> { coverage, quotient: PhantomData }, &inputs[..count])

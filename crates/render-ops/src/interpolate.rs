@@ -42,7 +42,6 @@ pub fn interpolate<'t, T: Scalar>(
 /// - [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh that was rasterized.
 /// - [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
 ///   fragments that are not whole.
-/// - [`RenderError::Outline`] for attributes that vary, on fragments of an outline.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
 #[inline(never)]
 pub fn interpolate_indexed<'t, T: Scalar>(
@@ -53,9 +52,6 @@ pub fn interpolate_indexed<'t, T: Scalar>(
     let coverage = fragments.checked_coverage("interpolate", attributes.tape())?;
     let shown = Attributes::new(indices, coverage)?;
     let channels = shown.channels("interpolate", &attributes.shape())?;
-    if shown.coverage.is_outline && !is_uniform(attributes, indices) {
-        shown.coverage.check_shaded("interpolate")?;
-    }
     let tape = attributes.tape();
     let mut barycentrics = fragments.barycentrics;
     if barycentrics.needs_gradient()

@@ -37,21 +37,12 @@ pub enum Sampling {
     /// Edges at which an attribute bends inside a surface are resolved where they are named:
     /// [`RasterOptions::creases`].
     Exact,
-    /// As [`Sampling::Exact`] where a surface ends before the background, else as
-    /// [`Sampling::Center`]: for silhouette masks. How much of a pixel is covered is exact, and so is its
-    /// gradient. Folds, seams and intersections in front of a surface that fills the pixel are left alone,
-    /// which on fine meshes are most of the cost.
-    ///
-    /// What is covered of a pixel is one piece, and of no place in it. So such fragments show one colour:
-    /// attributes that vary over the surface, depths and differentials are refused
-    /// ([`RenderError::Outline`](crate::RenderError::Outline)).
-    Outline,
 }
 
 impl Sampling {
     /// Whether pixels fall into pieces.
     pub(crate) const fn has_pieces(self) -> bool {
-        !matches!(self, Self::Center)
+        matches!(self, Self::Exact)
     }
 }
 
@@ -194,7 +185,7 @@ impl RasterOptions {
     ///
     /// Which edges are creases is found anew for each image, and has no gradient. Attributes that are the same
     /// everywhere have no creases. Where an attribute is no number, all edges are, but for those between two
-    /// culled faces. Other samplings know no creases: nothing is looked for.
+    /// culled faces. At pixel centres nothing is looked for.
     pub const fn creases<'a, 't, T: Scalar>(
         self,
         attributes: &'a [VertexAttributes<'a, 't, T>],

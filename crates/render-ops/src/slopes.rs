@@ -13,7 +13,7 @@ use crate::lens::LensLayer;
 /// differentiable with respect to the clip positions that were rasterized.
 ///
 /// # Errors
-/// As [`eye_depth`]; [`RenderError::Outline`] for fragments of an outline.
+/// As [`eye_depth`].
 pub fn eye_depth_slope<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, depth,
-    interpolate, interpolate_indexed, rasterize,
+    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, depth, interpolate,
+    interpolate_indexed, rasterize,
 };
 
 use super::number::{Range, in_either_precision};
@@ -39,12 +39,7 @@ pub(super) fn size(bytes: &mut Unstructured<'_>) -> Result<Size> {
 
 /// What a pixel is the picture of: read last, since inputs were kept before there was a choice.
 pub(super) fn sampling(bytes: &mut Unstructured<'_>) -> Result<Sampling> {
-    // The lowest bit alone told the first two apart.
-    Ok(match bytes.arbitrary::<u8>()? & 3 {
-        0 | 2 => Sampling::Center,
-        1 => Sampling::Exact,
-        _ => Sampling::Outline,
-    })
+    Ok(if bytes.arbitrary::<u8>()? & 1 == 0 { Sampling::Center } else { Sampling::Exact })
 }
 
 /// Pieces of a pixel cover some of it each, or none, beside a side on the pixel's border; and no more
@@ -65,11 +60,7 @@ pub(super) fn check_pieces<T: Scalar>(fragments: &Fragments<'_, T>) {
 /// Weights within the face, depths within the view, one fragment per pixel.
 pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
     let slack = if size_of::<T>() == 4 { 1e-5 } else { 1e-12 };
-    let depth = match depth(fragments) {
-        // Its fragments are of no place.
-        Err(RenderError::Outline { .. }) => Tensor::zeros([fragments.coverage.count()]),
-        depth => depth.expect("fragments that are whole").value(),
-    };
+    let depth = depth(fragments).expect("fragments that are whole").value();
     let centers = fragments.coverage.centers();
     let weights = fragments.barycentrics.value();
     // The weights of a piece are rounded the more coarsely the smaller it is.
@@ -115,13 +106,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     // The third weight of a piece is what is missing to 1: of a vertex that is nearly all of w it
     // has to be more than rounding for a depth.
     let has_depths = sampling == Sampling::Center
-        || sampling == Sampling::Exact
-            && clip
-                .data()
-                .iter()
-                .skip(3)
-                .step_by(4)
-                .all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
+        || clip.data().iter().skip(3).step_by(4).all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
     let options = RasterOptions::new(size).cull(cull).sampling(sampling);
 
     let inputs = [clip, attributes, behind];
@@ -135,11 +120,6 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         reached.set(fragments.coverage.count());
         let count = fragments.coverage.count();
         let surface = match &attribute_mesh {
-            // One colour, that of the first vertex.
-            _ if sampling == Sampling::Outline => {
-                let ones = clip.tape().constant_full([count, 1], T::ONE);
-                ones.try_mul(attributes.slice(0, 0..1)?)?
-            }
             Some(mesh) => interpolate_indexed(attributes, mesh, &fragments)?,
             None => interpolate(attributes, &fragments)?,
         };

@@ -1,7 +1,7 @@
 //! How fast Bokashi is, at what error, and what it leaves out.
 //!
 //! [`bench()`] answers one question after the other. They ask for steps beside other renderers and on
-//! meshes from files, the gradient of silhouettes, masks, fits to an error and to photographs. They ask for
+//! meshes from files, the gradient of silhouettes, fits to an error and to photographs. They ask for
 //! blurs and operations by time and error, and for a pipeline node by node. [`elision()`] sets steps that compute
 //! something beside steps that have no need of it.
 

@@ -74,12 +74,6 @@ impl Scene {
         Self::new(format!("{name}@{pixels}"), faces, positions, colors, pixels)
     }
 
-    /// A sphere of about `faces` faces, twice as many quads around as along, in `pixels` x `pixels`.
-    pub(crate) fn sphere_of(faces: usize, pixels: usize) -> Result<Self, FitError> {
-        let along = ((faces as f64 / 4.0).sqrt().round() as usize).max(3);
-        Self::sphere("sphere", 2 * along, along + 1, pixels)
-    }
-
     /// The same in `pixels` x `pixels`.
     pub(crate) fn with_pixels(&self, pixels: usize) -> Self {
         Self { size: Size::square(pixels), ..self.clone() }
@@ -206,13 +200,5 @@ mod tests {
         assert!((2.5..3.5).contains(&kurtosis), "{kurtosis}");
         // The same share of a larger image is the same shift in the world.
         assert_eq!(jittered, scene.with_pixels(1024).jittered(4.0 * 0.3, 0));
-    }
-
-    #[test]
-    fn a_sphere_of_so_many_faces_has_about_as_many() {
-        for faces in [100, 1000, 10_000, 100_000, 1_000_000] {
-            let found = Scene::sphere_of(faces, 8).unwrap().mesh.faces().len();
-            assert!((0.9..1.1).contains(&(found as f64 / faces as f64)), "{faces}: {found}");
-        }
     }
 }

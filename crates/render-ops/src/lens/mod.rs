@@ -124,7 +124,6 @@ pub fn lens_picture<'t, T: Scalar>(
         return Err(RenderError::value(NAME, rule, behind.len() as f64));
     }
     let own = visible.fragments.checked_coverage(NAME, tape)?;
-    own.check_shaded(NAME)?;
     let size = own.size();
     let channels = checked_channels(NAME, visible.premultiplied, own.count())?;
     check_numbers(tape, lens, far, options)?;

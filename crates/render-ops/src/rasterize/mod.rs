@@ -225,7 +225,6 @@ impl<T: Scalar> Saved<T> {
             coverage.mesh = mesh.clone();
             coverage.size = options.size;
             coverage.antialias = options.antialias && options.sampling == Sampling::Center;
-            coverage.is_outline = options.sampling == Sampling::Outline;
         }
     }
 }
@@ -266,7 +265,7 @@ impl Rasterize {
         let barycentrics = [coverage.count(), 2].into();
         let (barycentrics, weights) = match self.options.sampling {
             Sampling::Center => (outputs.push(barycentrics), None),
-            Sampling::Exact | Sampling::Outline => {
+            Sampling::Exact => {
                 let [barycentrics, weights] = outputs.push_all([barycentrics, [pieces].into()]);
                 (barycentrics, Some(weights))
             }

@@ -3,7 +3,6 @@
 mod blur;
 mod fits;
 mod lens;
-mod masks;
 mod meshes;
 mod nodes;
 mod operations;
@@ -29,7 +28,7 @@ pub(super) struct Study {
 pub const MESHES: &str = "meshes";
 
 /// Every study, in the order of the report.
-pub(super) const ALL: [Study; 13] = [
+pub(super) const ALL: [Study; 12] = [
     Study { name: "scenes", tables: &["scenes", "scene_samples"], run: scenes::study },
     Study {
         name: MESHES,
@@ -41,7 +40,6 @@ pub(super) const ALL: [Study; 13] = [
         tables: &["silhouettes", "silhouettes_largest", "silhouettes_pixels", "silhouettes_times"],
         run: silhouettes::study,
     },
-    Study { name: "masks", tables: &["masks", "masks_radius"], run: masks::study },
     Study { name: "fits", tables: &["fits_to_errors", "fits_ends"], run: fits::study },
     Study {
         name: "photographs",

@@ -30,9 +30,6 @@ pub(super) const SECOND: u16 = 6;
 /// The first bit of a face's edges that run along rows or columns.
 pub(super) const ALONG_AXIS: u16 = 9;
 
-/// The bit of a face that may reach out of the depth range, or behind the eye.
-pub(super) const BEYOND_DEPTHS: u16 = 12;
-
 /// The marked edges for which a face itself stands.
 #[inline(always)]
 pub(super) fn own_edges(bits: FaceBits) -> FaceBits {
@@ -202,7 +199,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
     /// `q`.
     #[inline(always)]
-    pub(super) fn edges_around(&self, band_face: u32, q: [[T::Wide; 2]; 3]) -> [Line<T::Wide>; 3] {
+    fn edges_around(&self, band_face: u32, q: [[T::Wide; 2]; 3]) -> [Line<T::Wide>; 3] {
         let face = self.faces[band_face as usize] as usize;
         let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
         let mut edges = self.weights[band_face as usize].edges;
@@ -216,12 +213,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
     /// them. The first three bits of `along_axis` tell which edges run along rows or columns.
     #[inline(always)]
-    pub(super) fn on_border(
-        &self,
-        band_face: u32,
-        along_axis: FaceBits,
-        center: [T::Wide; 2],
-    ) -> u8 {
+    fn on_border(&self, band_face: u32, along_axis: FaceBits, center: [T::Wide; 2]) -> u8 {
         match along_axis & 0b111 {
             0 => 0,
             some => self.some_on_border(band_face, some, center),

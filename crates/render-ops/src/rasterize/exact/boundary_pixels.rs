@@ -4,12 +4,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{
-    ALONG_AXIS, BEYOND_DEPTHS, BandFaces, FaceBits, INNER_SEAM, REACH, SECOND, own_edges,
-};
+use super::band_faces::{ALONG_AXIS, BandFaces, FaceBits, INNER_SEAM, REACH, SECOND, own_edges};
 use super::depth_intervals::{DepthInterval, front_layers, may_cross};
 use super::faces_by_pixel::FacesByPixel;
-use super::outline::Outline;
 use super::pieces::Pieces;
 use super::pixel_border::is_along_axis;
 use super::pixel_mask::{BLOCK, PixelMask};
@@ -18,7 +15,6 @@ use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
 use crate::mesh::Neighbor;
-use crate::raster_options::Sampling;
 
 /// The memory of the search.
 #[derive(Debug, Default)]
@@ -33,7 +29,6 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     planes: Planes<S>,
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
-    outline: Outline<S>,
     resolution: Resolution<S>,
     /// What is known of each face of the band.
     face_bits: Vec<FaceBits>,
@@ -49,10 +44,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     ) {
         pieces.clear();
         self.mark(band);
-        // A mask needs no crossings of surfaces: whatever is in front, the pixel is covered.
-        if band.view.sampling == Sampling::Exact {
-            self.mark_crossings(band);
-        }
+        self.mark_crossings(band);
         if self.marks.count() == 0 {
             return;
         }
@@ -69,15 +61,14 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
         let Self { marks, face_bits, planes, .. } = self;
-        let (adjacency, has_seams) = (view.mesh.adjacency(), view.sampling == Sampling::Exact);
+        let adjacency = view.mesh.adjacency();
         marks.clear(band.rows.len(), view.size.width);
         face_bits.clear();
         planes.clear(band.faces.len());
         for (index, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
             let neighbors = adjacency.neighbors(face as usize);
             let outline = each_edge(|k| view.is_silhouette(face as usize, k));
-            let seams =
-                if has_seams { FaceBits::from(view.mesh.seams_of(face as usize)) } else { 0 };
+            let seams = FaceBits::from(view.mesh.seams_of(face as usize));
             let along_axis = each_edge(|k| is_along_axis(weights.edges[k]));
             let [p, q, r] = view.corners_of(face as usize);
             let is_beyond = p.is_beyond_depths() | q.is_beyond_depths() | r.is_beyond_depths();
@@ -93,8 +84,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             let bits = marked
                 | (seams & !outline) << INNER_SEAM
                 | second << SECOND
-                | along_axis << ALONG_AXIS
-                | FaceBits::from(is_beyond) << BEYOND_DEPTHS;
+                | along_axis << ALONG_AXIS;
             face_bits.push(bits);
             for corner in (0..3).filter(|k| own_edges(bits) >> k & 1 == 1) {
                 // An edge of two faces is marked once, by the face that stands for it.
@@ -180,13 +170,8 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { planes, face_bits, intervals, outline, resolution, .. } = self;
+        let Self { planes, face_bits, intervals, resolution, .. } = self;
         let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
-        if band.view.sampling == Sampling::Outline
-            && outline.run(band, face_bits, pixel, center, faces, pieces)
-        {
-            return;
-        }
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
         let in_pixel = |face| planes.in_block(band, face, face_bits[face as usize], center, 1);

@@ -15,7 +15,6 @@
 //!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
 //!   |     `-- DepthInterval    their depths there (depth_intervals), from their planes (planes): one layer
 //!   |                          in front ends the search
-//!   |-- Outline         of the outline alone: how much of a pixel is covered, whatever is seen (outline)
 //!   `-- Resolution      per marked pixel, depth group by depth group, the nearest first (resolution)
 //!         |-- share_planes     faces in one plane, to within rounding (ties)
 //!         |-- Crowd            a crowded pixel in smaller cells (cell, cells)
@@ -42,7 +41,6 @@ mod depth_intervals;
 mod extent;
 mod faces_by_pixel;
 mod mean;
-mod outline;
 mod parts;
 mod piece_fragments;
 mod pieces;

@@ -1,7 +1,7 @@
 //! Many faces in a pixel or in a row of them.
 
 use super::exact::{exact, loose_faces, picture};
-use super::outline::crumpled;
+use super::sheets::crumpled;
 use super::*;
 use bokashi_render_ops::{
     BoundaryCounts, Cull, Limits, Mesh, RasterOptions, Size, interpolate, rasterize,
@@ -330,7 +330,7 @@ proptest! {
 
     /// In a pixel, faces that surely lie side by side are not held against each other: here in part, for the
     /// sheet folds and leaves the depth range. In a cell of a crowded pixel that is so of neighbours alone;
-    /// `outline` has a law that does not rely on these.
+    /// `sheets` has a law that does not rely on these.
     #[test]
     fn cuts_change_nothing_of_a_sheet_of_small_faces(
         (clip, faces) in crumpled(),

@@ -433,9 +433,8 @@ fn exact_coverage_without_a_word_on_creases_is_refused() {
     let error = rasterize(clip, &mesh, exact(Size::square(4))).unwrap_err();
     assert_eq!(error, RenderError::UnnamedCreases);
     assert!(error.to_string().ends_with("got options alone"));
-    // Of other samplings nothing is asked.
-    let outline = exact(Size::square(4)).sampling(Sampling::Outline);
-    rasterize(clip, &mesh, outline).unwrap();
+    // Of pixel centres nothing is asked.
+    rasterize(clip, &mesh, RasterOptions::new(Size::square(4))).unwrap();
 }
 
 #[test]

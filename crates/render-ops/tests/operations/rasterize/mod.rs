@@ -12,9 +12,9 @@ mod extremes;
 mod layers;
 mod nearest;
 mod oracle;
-mod outline;
 mod perspective;
 mod pixel_borders;
+mod sheets;
 mod ties;
 mod watertight;
 
