@@ -405,7 +405,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         for (layer, coverage) in layers.iter().enumerate().rev() {
             let Some(uv_bar) = kept.upstream(layer) else { continue };
             // Vertices have mostly got theirs directly: see `direct_gradients`.
-            if uv_bar[..2 * coverage.centers()].iter().all(|&bar| bar == T::ZERO) {
+            if uv_bar[..2 * coverage.centers()].iter().all(|&bar| bar.is_same(T::ZERO)) {
                 // All zeros, where nothing else is there.
                 clip_bar.entries();
                 continue;

@@ -39,7 +39,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
         let Coverage { mesh, size, centers, .. } = self.coverage;
         let entries = 2 * fragments.start..2 * fragments.end;
         // Of a face whose vertices have got their gradients directly: see `direct_gradients`.
-        if self.uv_bar[entries.clone()].iter().all(|&bar| bar == T::ZERO) {
+        if self.uv_bar[entries.clone()].iter().all(|&bar| bar.is_same(T::ZERO)) {
             return rows.fill(T::Wide::ZERO);
         }
         let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
