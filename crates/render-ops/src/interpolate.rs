@@ -66,9 +66,14 @@ pub fn interpolate_indexed<'t, T: Scalar>(
         );
         barycentrics = barycentrics.detach();
     }
+    // Sums of attributes have the same bits whether or not positions have a gradient, so these are no constants that
+    // somebody else made.
     let is_direct = channels == 3
-        && barycentrics.needs_gradient()
-        && barycentrics.is_computed_from("rasterize", fragments.clip);
+        && if barycentrics.needs_gradient() {
+            barycentrics.is_computed_from("rasterize", fragments.clip)
+        } else {
+            barycentrics.operation() == Some("rasterize") && !fragments.clip.needs_gradient()
+        };
     let inputs = [attributes, barycentrics, fragments.clip];
     let count = if is_direct { 3 } else { 2 };
     tape.apply(Interpolate { shown, is_direct }, &inputs[..count])
