@@ -131,7 +131,7 @@ impl<T: Scalar> Op<T> for Interpolate {
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
         let is_direct = self.is_direct;
         let keep = Keep::NOTHING.input_if(1, inputs.needs(0) | is_direct);
-        keep.input_if(0, inputs.needs(1)).input_if(2, is_direct)
+        keep.input_if(0, inputs.needs(1) | is_direct).input_if(2, is_direct)
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
