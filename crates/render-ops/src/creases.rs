@@ -178,7 +178,7 @@ struct Points {
 
 impl Points {
     #[inline(always)]
-    fn at(&self, lane: usize) -> Vertex<f64> {
+    fn vertex(&self, lane: usize) -> Vertex<f64> {
         Vertex { x: self.x[lane], y: self.y[lane], z: 0.0, w: self.w[lane] }
     }
 }
@@ -222,7 +222,7 @@ impl<T: Scalar> pulp::WithSimd for Measure<'_, '_, T> {
             let r = surface.points(&vertices[2]);
             let mut found = [0.0; LANES];
             for lane in 0..LANES {
-                found[lane] = determinant(r.at(lane), edge(p.at(lane), q.at(lane)));
+                found[lane] = determinant(r.vertex(lane), edge(p.vertex(lane), q.vertex(lane)));
             }
             sizes.copy_from_slice(&found[..sizes.len()]);
         }
@@ -339,7 +339,7 @@ impl<T: Scalar> Surface<'_, T> {
         let [s, r] = [self.points(&vertices[2]), self.points(&vertices[3])];
         let (mut shares, mut slopes) = ([[0.0; LANES]; 3], [[0.0; LANES]; 2]);
         for lane in 0..LANES {
-            let [p, q, s, r] = [p.at(lane), q.at(lane), s.at(lane), r.at(lane)];
+            let [p, q, s, r] = [p.vertex(lane), q.vertex(lane), s.vertex(lane), r.vertex(lane)];
             let line = edge(p, q);
             let [_, x, y] = line;
             let (inverse, r_size) = (1.0 / of_face[lane], determinant(r, line));

@@ -1,7 +1,7 @@
 //! From the gradients of interpolated values to those of vertices, past those of the barycentrics.
 //!
-//! Where nobody asks for the gradients of u and v, no fragment at a pixel centre needs any. `rasterize` would sum over a face's
-//! fragments `S_ij = sum b_i (b_bar_j - m)` (see `rasterize::pull_back`), with `m = sum_j b_bar_j b_j`,
+//! Where nobody asks for the gradients of u and v, no fragment at a pixel centre needs any. `rasterize` would sum
+//! over a face's fragments `S_ij = sum b_i (b_bar_j - m)` (see `rasterize::pull_back`), with `m = sum_j b_bar_j b_j`,
 //! `b_bar_0 = sum_c s_bar_c (A_0c - A_2c)`, `b_bar_1 = sum_c s_bar_c (A_1c - A_2c)` and `b_bar_2 = 0`. The attributes'
 //! own gradients are the sums `G_ci = sum b_i s_bar_c`. With these and `M_i = sum b_i m`:
 //! `S_i0 = sum_c G_ci (A_0c - A_2c) - M_i`, `S_i1 = sum_c G_ci (A_1c - A_2c) - M_i`, `S_i2 = -M_i`.

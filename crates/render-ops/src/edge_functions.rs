@@ -166,13 +166,13 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
 }
 
 /// Depths of vertices of a face with even weights differ by less than this factor.
-pub(crate) const EVEN_DEPTHS: f64 = 64.0;
+const EVEN_DEPTHS: f64 = 64.0;
 
 /// Its vertices lie within this many times half the image's size from the image's middle.
 const EVEN_EXTENTS: f64 = 16.0;
 
-/// Whether the third weight, as one less the others, has nearly as many digits as they have, of vertices that no
-/// factor need multiply; without a branch.
+/// Whether the third weight, as one less the others, has nearly as many digits as they have. Vertices that a factor
+/// would have to multiply are none of these. Without a branch, so that it is compiled to vectors.
 #[inline(always)]
 pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
     let [p, q, r] = vertices.map(|vertex| vertex.w);
@@ -184,7 +184,7 @@ pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size
 
 /// Whether a vertex is within [`EVEN_EXTENTS`].
 #[inline(always)]
-pub(crate) fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
+fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
     let [width, height] =
         [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
     (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)

@@ -66,8 +66,7 @@ pub fn interpolate_indexed<'t, T: Scalar>(
         );
         barycentrics = barycentrics.detach();
     }
-    // Sums of attributes have the same bits whether or not positions have a gradient, so these are no constants that
-    // somebody else made.
+    // Constant positions go the same way, so that gradients of attributes have the same bits with them.
     let is_direct = channels == 3
         && if barycentrics.needs_gradient() {
             barycentrics.is_computed_from("rasterize", fragments.clip)

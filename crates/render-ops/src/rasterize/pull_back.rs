@@ -17,13 +17,11 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::culling::{Corner, are_tame};
+use super::culling::Corner;
 use crate::coverage::Coverage;
-use crate::edge_functions::{EVEN_DEPTHS, EdgeSums, LocalFace, is_near};
+use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
 use crate::homogeneous::missing_factors;
-use crate::order::{largest, least};
-use crate::size::Size;
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct WeightPullBack<'a, T: Scalar> {
@@ -43,7 +41,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
             return rows.fill(T::Wide::ZERO);
         }
         let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
-        if !has_even_weights(corners, *size) {
+        if !has_even_vertices(&corners.map(|corner| corner.vertex), *size) {
             return self.sum_by_edges(slot, fragments, rows);
         }
         let face = self.face(slot);
@@ -55,16 +53,6 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
             row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar].map(|bar| scale * bar));
         }
     }
-}
-
-/// Whether the third weight, as one less the others, has nearly as many digits as they have.
-#[inline(always)]
-fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -> bool {
-    let [p, q, r] = corners.map(|corner| corner.vertex.w);
-    let even = S::from_f64(EVEN_DEPTHS);
-    // Of a vertex in view only the depth is in question.
-    largest([p, q, r]) < even * least([p, q, r])
-        && (are_tame(corners) || corners.iter().all(|corner| is_near(&corner.vertex, size)))
 }
 
 impl<T: Scalar> WeightPullBack<'_, T> {

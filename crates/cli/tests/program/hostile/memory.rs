@@ -89,6 +89,17 @@ fn sizes_are_refused_before_memory_is_taken() {
     write(folder, "scene.toml", scene("", 1000, "[learn.vertices]"));
     let output = bokashi(folder, &["render", "scene.toml"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    // A lens takes as much for each of its samples.
+    let lens = |samples: u32| {
+        let lens = format!("[pipeline.lens]\naperture = 2.0\nfocus = 4.0\nsamples = {samples}");
+        write(folder, "scene.toml", scene("", 200, &lens));
+    };
+    lens(1);
+    let output = bokashi(folder, &["render", "scene.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    lens(8);
+    let [_, error] = refused(folder, &["render", "scene.toml"]);
+    names(&error, "v.png", "the view \"v\" of 200 x 200");
     // Whoever knows better says so.
     let output = bokashi(folder, &["inspect", "large.png", "--memory", "512MiB"]);
     let said = text(&output.stderr);
