@@ -18,7 +18,7 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
 use crate::edge_functions::{LocalFace, has_even_vertices};
-use crate::face_sums::are_finite;
+use crate::face_sums::{MANY, Terms, Values, are_finite, sum_weighted};
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::size::Size;
@@ -62,14 +62,14 @@ impl<T: Scalar> DirectGradients<'_, T> {
         })
     }
 
-    /// Adds to the gradients that are wanted: of the clip positions, `[V, 4]`, and of the attributes. One alone has the
-    /// bits that it has beside the other. Returns the slots of the faces that are left out.
+    /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes, which has
+    /// the bits that it has alone. Returns the slots of the faces that are left out.
     pub(crate) fn add_to(
         &self,
-        clip_bar: Option<&mut Accumulator<T>>,
+        clip_bar: &mut Accumulator<T>,
         attributes_bar: Option<&mut Accumulator<T>>,
     ) -> Vec<usize> {
-        let mut clip_bar = clip_bar.map(|clip| clip.entries().as_chunks_mut::<4>().0);
+        let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
         let mut attributes_bar =
             attributes_bar.map(|attributes| attributes.entries().as_chunks_mut::<3>().0);
         let (centers, faces) = (&self.coverage.centers, self.coverage.mesh().faces());
@@ -77,10 +77,8 @@ impl<T: Scalar> DirectGradients<'_, T> {
         let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
             let Some(bars) = bars else { return left_out.push(slot) };
             let face = centers.face(slot);
-            if let Some(clip_bar) = &mut clip_bar {
-                let rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
-                add_rows(clip_bar, faces[face], &rows);
-            }
+            let rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
+            add_rows(clip_bar, faces[face], &rows);
             if let Some(attributes_bar) = &mut attributes_bar {
                 add_rows(attributes_bar, self.indices.faces()[face], &bars.attributes);
             }
@@ -123,14 +121,42 @@ impl<T: Scalar> DirectGradients<'_, T> {
     /// The sums over some fragments of a face.
     #[inline(always)]
     fn sums(&self, slopes: &Slopes<T::Wide>, fragments: Range<usize>) -> Sums<T::Wide> {
-        let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 4];
+        let (own, s_bar) = (&self.barycentrics[fragments.clone()], &self.s_bar[fragments.clone()]);
+        // Those of attributes as they are summed alone, to the bit.
+        let uv = own.as_flattened();
+        if own.len() >= MANY {
+            return sum_weighted(slopes, uv, s_bar);
+        }
+        // Of few fragments the compiler makes vectors for three numbers, and for four it makes none.
+        let [r, g, b] = sum_weighted(&Values, uv, s_bar);
+        let mut parts = [[T::Wide::ZERO; PARTS]; 3];
         let Range { start: mut first, end } = fragments;
         while first < end {
             let (uv, s_bar) = (part(self.barycentrics, first), part(self.s_bar, first));
             add_terms(&uv, &s_bar, end - first, slopes, &mut parts);
             first += PARTS;
         }
-        parts.map(|parts| parts.map(add_up))
+        [r, g, b, parts.map(add_up)]
+    }
+}
+
+/// `s_bar`, and m.
+impl<T: Scalar> Terms<T, 4> for Slopes<T::Wide> {
+    type From = [T; 3];
+
+    #[inline(always)]
+    fn compute<const N: usize>(
+        &self,
+        [u, v]: [&[T::Wide; N]; 2],
+        s_bar: &[[T; 3]; N],
+    ) -> [[T::Wide; N]; 4] {
+        let [r, g, b] = Values.compute([u, v], s_bar);
+        let along = |[by_r, by_g, by_b]: [T::Wide; 3]| -> [T::Wide; N] {
+            std::array::from_fn(|part| r[part] * by_r + g[part] * by_g + b[part] * by_b)
+        };
+        let [u_bar, v_bar] = self.map(along);
+        let m = std::array::from_fn(|part| u[part] * u_bar[part] + v[part] * v_bar[part]);
+        [r, g, b, m]
     }
 }
 
@@ -149,14 +175,14 @@ fn part<T: Scalar, const C: usize>(rows: &[[T; C]], first: usize) -> [[T; C]; PA
     part
 }
 
-/// Adds the terms of the first `count` fragments to the sums, each of which has a number for each fragment.
+/// Adds `b_i m` of the first `count` fragments to the sums, each of which has a number for each fragment.
 #[inline(always)]
 fn add_terms<T: Scalar>(
     uv: &[[T; 2]; PARTS],
     s_bar: &[[T; 3]; PARTS],
     count: usize,
     [by_u, by_v]: &Slopes<T::Wide>,
-    sums: &mut [[[T::Wide; PARTS]; 3]; 4],
+    sums: &mut [[T::Wide; PARTS]; 3],
 ) {
     for part in 0..PARTS {
         let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
@@ -164,13 +190,10 @@ fn add_terms<T: Scalar>(
         let [r, g, b] = s_bar[part].map(own);
         let u_bar = r * by_u[0] + g * by_u[1] + b * by_u[2];
         let v_bar = r * by_v[0] + g * by_v[1] + b * by_v[2];
-        let weights = [u, v, T::Wide::ONE - u - v];
-        let terms = [r, g, b, u * u_bar + v * v_bar];
-        for c in 0..4 {
-            for i in 0..3 {
-                sums[c][i][part] += weights[i] * terms[c];
-            }
-        }
+        let m = u * u_bar + v * v_bar;
+        sums[0][part] += u * m;
+        sums[1][part] += v * m;
+        sums[2][part] += (T::Wide::ONE - u - v) * m;
     }
 }
 

@@ -43,34 +43,38 @@ pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
 const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-const MANY: usize = 4 * PARTS;
+pub(crate) const MANY: usize = 4 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
-pub(crate) trait Terms<T: Scalar> {
+pub(crate) trait Terms<T: Scalar, const K: usize> {
     /// What there is per fragment.
     type From: Copy;
 
-    /// Three numbers of each of `N` fragments, from their u and v.
-    fn compute<const N: usize>(uv: [&[T::Wide; N]; 2], from: &[Self::From; N])
-    -> [[T::Wide; N]; 3];
+    /// `K` numbers of each of `N` fragments, from their u and v.
+    fn compute<const N: usize>(
+        &self,
+        uv: [&[T::Wide; N]; 2],
+        from: &[Self::From; N],
+    ) -> [[T::Wide; N]; K];
 }
 
-/// The sums over some fragments of a face of their weights times three numbers each: `sums[c][i]` of
+/// The sums over some fragments of a face of their weights times `K` numbers each: `sums[c][i]` of
 /// `b_i terms_c`.
 #[inline(always)]
-pub(crate) fn sum_weighted<T: Scalar, F: Terms<T>>(
+pub(crate) fn sum_weighted<T: Scalar, F: Terms<T, K>, const K: usize>(
+    terms: &F,
     uv: &[T],
     from: &[F::From],
-) -> [[T::Wide; 3]; 3] {
+) -> [[T::Wide; 3]; K] {
     let uv = uv.as_chunks::<2>().0;
     let whole = if uv.len() >= MANY { uv.len() / PARTS * PARTS } else { 0 };
     // Four lanes are a vector.
-    let mut sums = [[T::Wide::ZERO; 4]; 3];
+    let mut sums = [[T::Wide::ZERO; 4]; K];
     for (uv, from) in uv[whole..].iter().zip(&from[whole..]) {
         let [u, v] = uv.map(T::widen);
         let b = [u, v, T::Wide::ONE - u - v, T::Wide::ZERO];
-        let terms = F::compute([&[u], &[v]], &[*from]);
-        for (sums, [term]) in sums.iter_mut().zip(terms) {
+        let numbers = terms.compute([&[u], &[v]], &[*from]);
+        for (sums, [term]) in sums.iter_mut().zip(numbers) {
             for i in 0..4 {
                 sums[i] += b[i] * term;
             }
@@ -78,25 +82,30 @@ pub(crate) fn sum_weighted<T: Scalar, F: Terms<T>>(
     }
     let mut sums = sums.map(|[a, b, c, _]| [a, b, c]);
     if whole > 0 {
-        add_many::<T, F>(&uv[..whole], &from[..whole], &mut sums);
+        add_many(terms, &uv[..whole], &from[..whole], &mut sums);
     }
     sums
 }
 
 /// [`sum_weighted`] of many fragments, a multiple of [`PARTS`]: they are summed in parts.
 #[inline(always)]
-fn add_many<T: Scalar, F: Terms<T>>(uv: &[[T; 2]], from: &[F::From], sums: &mut [[T::Wide; 3]; 3]) {
-    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 3];
+fn add_many<T: Scalar, F: Terms<T, K>, const K: usize>(
+    terms: &F,
+    uv: &[[T; 2]],
+    from: &[F::From],
+    sums: &mut [[T::Wide; 3]; K],
+) {
+    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; K];
     for (uv, from) in uv.as_chunks::<PARTS>().0.iter().zip(from.as_chunks::<PARTS>().0) {
         let widened =
             |k: usize| -> [T::Wide; PARTS] { std::array::from_fn(|part| uv[part][k].widen()) };
         let (u, v) = (widened(0), widened(1));
-        let terms = F::compute([&u, &v], from);
+        let numbers = terms.compute([&u, &v], from);
         for part in 0..PARTS {
             let b = [u[part], v[part], T::Wide::ONE - u[part] - v[part]];
-            for c in 0..3 {
+            for c in 0..K {
                 for i in 0..3 {
-                    parts[c][i][part] += b[i] * terms[c][part];
+                    parts[c][i][part] += b[i] * numbers[c][part];
                 }
             }
         }
@@ -105,6 +114,28 @@ fn add_many<T: Scalar, F: Terms<T>>(uv: &[[T; 2]], from: &[F::From], sums: &mut 
         for (sum, parts) in sums.iter_mut().zip(parts) {
             *sum += parts.into_iter().sum();
         }
+    }
+}
+
+/// The gradients of three channels, as they are.
+pub(crate) struct Values;
+
+impl<T: Scalar> Terms<T, 3> for Values {
+    type From = [T; 3];
+
+    #[inline(always)]
+    fn compute<const N: usize>(
+        &self,
+        _: [&[T::Wide; N]; 2],
+        bars: &[[T; 3]; N],
+    ) -> [[T::Wide; N]; 3] {
+        let mut terms = [[T::Wide::ZERO; N]; 3];
+        for part in 0..N {
+            for c in 0..3 {
+                terms[c][part] = bars[part][c].widen();
+            }
+        }
+        terms
     }
 }
 

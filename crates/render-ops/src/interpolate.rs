@@ -18,7 +18,7 @@ use std::ops::Range;
 use crate::attributes::Attributes;
 use crate::direct_gradients::DirectGradients;
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout, Terms, sum_weighted};
+use crate::face_sums::{FaceSums, Layout, Values, sum_weighted};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 
@@ -66,13 +66,9 @@ pub fn interpolate_indexed<'t, T: Scalar>(
         );
         barycentrics = barycentrics.detach();
     }
-    // Constant positions go the same way, so that gradients of attributes have the same bits with them.
     let is_direct = channels == 3
-        && if barycentrics.needs_gradient() {
-            barycentrics.is_computed_from("rasterize", fragments.clip)
-        } else {
-            barycentrics.operation() == Some("rasterize") && !fragments.clip.needs_gradient()
-        };
+        && barycentrics.needs_gradient()
+        && barycentrics.is_computed_from("rasterize", fragments.clip);
     let inputs = [attributes, barycentrics, fragments.clip];
     let count = if is_direct { 3 } else { 2 };
     tape.apply(Interpolate { shown, is_direct }, &inputs[..count])
@@ -128,16 +124,15 @@ impl<T: Scalar> Op<T> for Interpolate {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let is_direct = self.is_direct;
-        let keep = Keep::NOTHING.input_if(1, inputs.needs(0) | is_direct);
-        keep.input_if(0, inputs.needs(1) | is_direct).input_if(2, is_direct)
+        let keep = Keep::NOTHING.input_if(1, inputs.needs(0) | self.is_direct);
+        keep.input_if(0, inputs.needs(1)).input_if(2, self.is_direct)
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         // Who asks for the gradient of the barycentrics gets it.
-        if self.is_direct && !gradients.is_result(1) {
+        if self.is_direct && gradients.needs(2) && !gradients.is_result(1) {
             let direct = self.direct(kept);
             if direct.has_even_weights() {
                 return self.pull_back_directly(&direct, kept, gradients);
@@ -212,21 +207,19 @@ impl Interpolate {
         let coverage = &*self.shown.coverage;
         let (attributes, uv, s_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
         let mut attributes_bar = gradients.take(0);
-        let left_out = direct.add_to(gradients.get(2), attributes_bar.as_mut());
+        let clip_bar = gradients.get(2).expect("it is wanted");
+        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());
         // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
         if !left_out.is_empty() || coverage.pieces.count > 0 {
-            let uv_bar = gradients.get(1).map(Accumulator::entries);
-            let (mut of_centers, of_pieces) =
-                uv_bar.map(|bar| bar.split_at_mut(2 * coverage.centers())).unzip();
+            let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
+            let (of_centers, of_pieces) = uv_bar.split_at_mut(2 * coverage.centers());
             let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
             for slot in left_out {
                 let fragments = centers.runs.fragments_of(slot..slot + 1);
                 let corners = self.shown.corners(attributes, 3, centers.runs.face(slot));
                 let s_bar = &s_bar[3 * fragments.start..3 * fragments.end];
-                if let Some(of_centers) = &mut of_centers {
-                    let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
-                    pull_back_face(corners, s_bar, uv_bar, false);
-                }
+                let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
+                pull_back_face(corners, s_bar, uv_bar, false);
                 if let Some(attributes_bar) = &mut attributes_bar {
                     centers.add_slot(attributes_bar, &shares, slot);
                 }
@@ -236,13 +229,9 @@ impl Interpolate {
                 let s_bar = &shares_of_pieces.s_bar[3 * fragments.start..3 * fragments.end];
                 pull_back_face(corners, s_bar, uv_bar, false);
             };
-            match (&mut attributes_bar, of_pieces) {
-                (Some(attributes_bar), Some(uv_bar)) => {
-                    pieces.add_to_and_visit(attributes_bar, &shares_of_pieces, uv_bar, visit);
-                }
-                (Some(attributes_bar), None) => pieces.add_to(attributes_bar, &shares_of_pieces),
-                (None, Some(uv_bar)) => pieces.runs.for_each_slot_mut(2, uv_bar, visit),
-                (None, None) => {}
+            match &mut attributes_bar {
+                Some(bar) => pieces.add_to_and_visit(bar, &shares_of_pieces, of_pieces, visit),
+                None => pieces.runs.for_each_slot_mut(2, of_pieces, visit),
             }
         }
         if let Some(attributes_bar) = attributes_bar {
@@ -350,7 +339,7 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
         let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
         match self.channels {
             3 => {
-                let sums = sum_weighted::<T, Values>(uv, s_bar.as_chunks::<3>().0);
+                let sums = sum_weighted(&Values, uv, s_bar.as_chunks::<3>().0);
                 for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     *row = sums.map(|sums| sums[i]);
                 }
@@ -361,24 +350,6 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
                 }
             }
         }
-    }
-}
-
-/// The gradients of three channels, as they are.
-struct Values;
-
-impl<T: Scalar> Terms<T> for Values {
-    type From = [T; 3];
-
-    #[inline(always)]
-    fn compute<const N: usize>(_: [&[T::Wide; N]; 2], bars: &[[T; 3]; N]) -> [[T::Wide; N]; 3] {
-        let mut terms = [[T::Wide::ZERO; N]; 3];
-        for part in 0..N {
-            for c in 0..3 {
-                terms[c][part] = bars[part][c].widen();
-            }
-        }
-        terms
     }
 }
 

@@ -46,7 +46,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
         }
         let face = self.face(slot);
         let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
-        let sums = sum_weighted::<T, Slopes>(uv, uv_bar.as_chunks::<2>().0);
+        let sums = sum_weighted(&Slopes, uv, uv_bar.as_chunks::<2>().0);
         let scale = -T::Wide::ONE / face.determinant();
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let [x_bar, y_bar, w_bar] = face.pull_back_weights(&sums, i, *size);
@@ -104,11 +104,12 @@ impl<T: Scalar> WeightPullBack<'_, T> {
 /// `u_bar`, `v_bar` and `m`.
 struct Slopes;
 
-impl<T: Scalar> Terms<T> for Slopes {
+impl<T: Scalar> Terms<T, 3> for Slopes {
     type From = [T; 2];
 
     #[inline(always)]
     fn compute<const N: usize>(
+        &self,
         [u, v]: [&[T::Wide; N]; 2],
         bars: &[[T; 2]; N],
     ) -> [[T::Wide; N]; 3] {
