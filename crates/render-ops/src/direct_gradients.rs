@@ -50,7 +50,7 @@ type Sums<S> = [[S; 3]; 4];
 type Slopes<S> = [[S; 3]; 2];
 
 impl<T: Scalar> DirectGradients<'_, T> {
-    /// Whether the third weight of every face has its digits.
+    /// Whether the third weight of every face has its digits, and no vertex is so far or near that it is multiplied.
     pub(crate) fn has_even_weights(&self) -> bool {
         let Coverage { mesh, size, centers, .. } = self.coverage;
         centers.slots.iter().all(|slot| {
@@ -58,16 +58,21 @@ impl<T: Scalar> DirectGradients<'_, T> {
                 let [x, y, _, w] = self.clip[vertex as usize];
                 Vertex::unscaled([x, y, w], *size)
             });
-            has_even_vertices(&vertices, *size)
+            let [p, q, r] = vertices.map(|vertex| vertex.w.to_f64());
+            let (least, largest) = (p.min(q).min(r), p.max(q).max(r));
+            // The coordinates of even vertices are at most some times their w.
+            has_even_vertices(&vertices, *size) & (least >= 1e-60) & (largest < 1e58)
         })
     }
 
     /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes, which has
-    /// the bits that it has alone. Returns the slots of the faces that are left out.
+    /// the bits that it has alone. Where a face is left out, `add_attributes(entries, slot)` adds to the latter. Returns
+    /// the slots of these faces.
     pub(crate) fn add_to(
         &self,
         clip_bar: &mut Accumulator<T>,
         attributes_bar: Option<&mut Accumulator<T>>,
+        add_attributes: impl Fn(&mut [T], usize),
     ) -> Vec<usize> {
         let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
         let mut attributes_bar =
@@ -75,7 +80,12 @@ impl<T: Scalar> DirectGradients<'_, T> {
         let (centers, faces) = (&self.coverage.centers, self.coverage.mesh().faces());
         let mut left_out = Vec::new();
         let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
-            let Some(bars) = bars else { return left_out.push(slot) };
+            let Some(bars) = bars else {
+                if let Some(attributes_bar) = &mut attributes_bar {
+                    add_attributes(attributes_bar.as_flattened_mut(), slot);
+                }
+                return left_out.push(slot);
+            };
             let face = centers.face(slot);
             let rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
             add_rows(clip_bar, faces[face], &rows);

@@ -171,15 +171,13 @@ const EVEN_DEPTHS: f64 = 64.0;
 /// Its vertices lie within this many times half the image's size from the image's middle.
 const EVEN_EXTENTS: f64 = 16.0;
 
-/// Whether the third weight, as one less the others, has nearly as many digits as they have. Vertices that a factor
-/// would have to multiply are none of these. Without a branch, so that it is compiled to vectors.
+/// Whether the third weight, as one less the others, has nearly as many digits as they have. Without a branch, so that it
+/// is compiled to vectors.
 #[inline(always)]
 pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
     let [p, q, r] = vertices.map(|vertex| vertex.w);
-    let [least, largest] = [least([p, q, r]), largest([p, q, r])];
     let are_near = vertices.iter().fold(true, |all, vertex| all & is_near(vertex, size));
-    let in_range = (S::from_f64(1e-60) <= least) & (largest < S::from_f64(1e50));
-    are_near & in_range & (largest < S::from_f64(EVEN_DEPTHS) * least)
+    are_near & (largest([p, q, r]) < S::from_f64(EVEN_DEPTHS) * least([p, q, r]))
 }
 
 /// Whether a vertex is within [`EVEN_EXTENTS`].

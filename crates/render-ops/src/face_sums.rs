@@ -171,15 +171,14 @@ impl Layout<'_> {
         self.add_to_and_visit(gradient, by_face, &mut [], |_, _, _| ());
     }
 
-    /// [`Layout::add_to`], of one slot.
+    /// Adds the gradients of the vertices of one slot to `vertices: [V, width]`.
     pub(crate) fn add_slot<T: Scalar>(
         &self,
-        gradient: &mut Accumulator<T>,
+        vertices: &mut [T],
         by_face: &impl FaceSums<T::Wide>,
         slot: usize,
     ) {
         let (wide, narrow) = (vec![T::Wide::ZERO; 3 * self.width], vec![T::ZERO; 3 * self.width]);
-        let vertices = gradient.entries();
         let mut add = |face, rows: &[T]| self.add_face(vertices, face, rows);
         self.walk(slot..slot + 1, by_face, &mut [], &|_, _, _| (), (wide, narrow), &mut add);
     }

@@ -208,21 +208,19 @@ impl Interpolate {
         let (attributes, uv, s_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
         let mut attributes_bar = gradients.take(0);
         let clip_bar = gradients.get(2).expect("it is wanted");
-        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut());
+        let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
+        let add_attributes = |entries: &mut [T], slot| centers.add_slot(entries, &shares, slot);
+        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut(), add_attributes);
         // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
         if !left_out.is_empty() || coverage.pieces.count > 0 {
             let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
             let (of_centers, of_pieces) = uv_bar.split_at_mut(2 * coverage.centers());
-            let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
             for slot in left_out {
                 let fragments = centers.runs.fragments_of(slot..slot + 1);
                 let corners = self.shown.corners(attributes, 3, centers.runs.face(slot));
                 let s_bar = &s_bar[3 * fragments.start..3 * fragments.end];
                 let uv_bar = &mut of_centers[2 * fragments.start..2 * fragments.end];
                 pull_back_face(corners, s_bar, uv_bar, false);
-                if let Some(attributes_bar) = &mut attributes_bar {
-                    centers.add_slot(attributes_bar, &shares, slot);
-                }
             }
             let visit = |slot, fragments: Range<usize>, uv_bar: &mut [T]| {
                 let corners = self.shown.corners(attributes, 3, pieces.runs.face(slot));
