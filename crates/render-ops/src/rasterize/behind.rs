@@ -2,7 +2,8 @@
 //!
 //! A pixel sees the faces behind the one in front in the order of their depths, and where depths are
 //! equal, of their indices. So every face that covers the pixel is seen in one layer, and none in two.
-//! Depths are compared as they are computed for visibility, to the last bit.
+//! Depths are compared as they are computed for visibility, to the last bit: where the filter leaves in doubt which of
+//! two is nearer, both are computed anew.
 //!
 //! The nearest layer is drawn as if it were the only one. Then each face is drawn once more, alone on a plane,
 //! and its pixels behind the layer in front go into the next one. A pixel that is taken there already keeps
@@ -21,31 +22,26 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::filter::{EIGHT, EMPTY, Eight, Filter};
 use super::plane::{NO_FACE, Plane};
 use super::prepared::Prepared;
-use super::setup::{LANES, Setup, Weights, beyond, lanes};
+use super::spans::RowOfPixels;
 use crate::coverage::Coverage;
 
 /// Memory for the layers of a band.
-#[derive(Debug)]
-pub(super) struct Peeling<S> {
+#[derive(Debug, Default)]
+pub(super) struct Peeling {
     /// What is in front of them: a pixel in which nothing is has nothing behind it, either.
-    pub(super) front: Plane<S>,
-    /// What is kept of the faces in front.
-    pub(super) weights: Vec<Weights<S>>,
+    pub(super) front: Plane,
+    /// Per face of the band: whether some of its pixels in front had to be settled.
+    pub(super) were_settled: Vec<bool>,
     /// From the nearest on.
-    pub(super) layers: Vec<Plane<S>>,
+    pub(super) layers: Vec<Plane>,
 }
 
-impl<S> Default for Peeling<S> {
-    fn default() -> Self {
-        Self { front: Plane::default(), weights: Vec::new(), layers: Vec::new() }
-    }
-}
-
-impl<S: Scalar<Wide = S>> Peeling<S> {
+impl Peeling {
     /// Makes it that for `view`.
-    pub(super) fn fit<T: Scalar<Wide = S>>(&mut self, view: &Prepared<'_, T>) {
+    pub(super) fn fit<T: Scalar>(&mut self, view: &Prepared<'_, T>) {
         let count = view.layers - usize::from(view.front.is_none());
         self.layers.resize_with(count, Plane::default);
         self.layers.iter_mut().for_each(|layer| layer.fit(view));
@@ -55,12 +51,10 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
     }
 }
 
-impl<S: Scalar<Wide = S>> Plane<S> {
-    /// Draws the band of `rows` of a layer that was found before. Where depths are equal, a face of `faces`
-    /// is behind that of the layer if its position there is above what is drawn.
-    /// So `front` has to be drawn with the options of `view`: a face that is not in `faces` has the position of the
-    /// one before it.
-    pub(super) fn draw_front<T: Scalar<Wide = S>>(
+impl Plane {
+    /// Draws the band of `rows` of a layer that was found before, which has to be drawn with the options of `view`: its
+    /// faces are among `faces`, those of the band.
+    pub(super) fn draw_front<T: Scalar>(
         &mut self,
         view: &Prepared<'_, T>,
         front: &Coverage,
@@ -72,167 +66,156 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         for slot in front.centers.slots_of(band..band + 1) {
             let face = front.centers.face(slot);
             // As many faces up to this one less one: its position.
-            let position = faces.partition_point(|&other| other as usize <= face).saturating_sub(1);
-            let orientation = view.verdicts[face].orientation;
-            let mut setup = Setup::new(view.corners_of(face), orientation, view.size);
+            let number = faces.partition_point(|&other| other as usize <= face).saturating_sub(1);
+            let mut setup = view.setup(face);
             for run in front.centers.in_slot(slot) {
                 let [row, column] = view.size.row_and_column(run.pixel as usize);
                 let columns = [column, column + run.length as usize];
-                let (depths, faces, reached) = self.row(row - rows.start);
-                let centers = &view.centers[..width];
+                let local = row - rows.start;
+                let (depths, faces) = self.row(local);
+                let (number, filter) = (number as u32, &view.filter);
+                // No pixel is drawn twice.
+                let depth_of = &|_: u32, _: [T::Wide; 2]| T::Wide::ZERO;
+                let mut pixels = RowOfPixels { depths, faces, number, filter, depth_of };
                 let edges = setup.row(view.ys[row]);
-                let [first, end] =
-                    setup.cover_span(&edges, columns, centers, depths, faces, position as u64);
-                *reached = [reached[0].min(first), reached[1].max(end)];
+                let reached = setup.cover_span(&edges, columns, &view.centers[..width], &mut pixels);
+                self.reach(local, reached);
             }
         }
     }
 }
 
 /// The work of sorting a face, drawn alone in some rows of a plane, into layers.
-pub(super) struct SortIn<'a, S> {
-    pub(super) drawn: &'a mut Plane<S>,
-    pub(super) front: &'a Plane<S>,
-    pub(super) layers: &'a mut [Plane<S>],
+pub(super) struct SortIn<'a, D> {
+    pub(super) drawn: &'a mut Plane,
+    pub(super) front: &'a Plane,
+    pub(super) layers: &'a mut [Plane],
     /// Rows of the band.
     pub(super) rows: Range<usize>,
+    pub(super) filter: &'a Filter,
+    /// The depth of a face in wide numbers, by its position in the band, at a row of the band and a column.
+    pub(super) depth_of: D,
 }
 
-impl<S: Scalar<Wide = S>> pulp::WithSimd for SortIn<'_, S> {
+impl<S: Scalar, D: Fn(u32, usize, usize) -> S> pulp::WithSimd for SortIn<'_, D> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { drawn, front, layers, rows } = self;
+        let Self { drawn, front, layers, rows, filter, depth_of } = self;
         for row in rows {
             let [first, end] = drawn.take_reached(row);
             let mut deepest = 0;
-            for index in drawn.blocks(row, [first, end]) {
-                let mut block = drawn.block(index);
-                drawn.put(index, Block::empty());
-                block.keep_behind(front.block(index));
+            for column in (first..end).step_by(EIGHT) {
+                let pixel = drawn.pixels(row, [column, end]).start;
+                let (mut block, forgotten) = (drawn.block(pixel), Block::empty());
+                drawn.put(pixel, forgotten);
+                let is_behind = |block: &Block, other: &Block| {
+                    let (mut are_behind, is_settled) = block.are_behind(other, filter);
+                    if !is_settled {
+                        block.settle(other, &mut are_behind, |number, lane| {
+                            depth_of(number, row, column + lane)
+                        });
+                    }
+                    are_behind
+                };
+                let in_front = front.block(pixel);
+                block = block.or(&forgotten, is_behind(&block, &in_front));
                 for (number, layer) in layers.iter_mut().enumerate() {
                     if block.is_empty() {
                         break;
                     }
                     deepest = deepest.max(number + 1);
-                    layer.put(index, block.exchange(layer.block(index)));
+                    // The layer keeps the nearer of both, and the other goes on.
+                    let other = layer.block(pixel);
+                    let are_behind = is_behind(&block, &other);
+                    layer.put(pixel, other.or(&block, are_behind));
+                    block = block.or(&other, are_behind);
                 }
             }
             for layer in &mut layers[..deepest] {
-                let reached = &mut layer.reached[row];
-                *reached = [reached[0].min(first), reached[1].max(end)];
+                layer.reach(row, [first, end]);
             }
         }
-        drawn.reached_by_blocks = [usize::MAX, 0];
+        drawn.reached_by_small = [usize::MAX, 0];
     }
 }
 
 /// The depths of neighbouring pixels, and the positions of their faces.
 #[derive(Clone, Copy)]
-struct Block<S> {
-    depths: [S; LANES],
-    faces: [u64; LANES],
+struct Block {
+    depths: Eight<f32>,
+    faces: Eight<u32>,
 }
 
-impl<S: Scalar<Wide = S>> Block<S> {
+impl Block {
     #[inline(always)]
     fn empty() -> Self {
-        Self { depths: [beyond(); LANES], faces: [NO_FACE; LANES] }
+        Self { depths: [EMPTY; EIGHT], faces: [NO_FACE; EIGHT] }
     }
 
     #[inline(always)]
     fn is_empty(&self) -> bool {
-        self.depths.iter().fold(true, |all, &depth| all & (depth == beyond()))
+        self.faces.iter().fold(NO_FACE, |all, face| all & face) == NO_FACE
     }
 
-    /// Which of its pixels lie behind those of `other`; of equal depths the lower face is in front.
+    /// Which of its pixels surely lie behind those of `other`, and whether no other may.
     #[inline(always)]
-    fn are_behind(&self, other: &Self) -> [bool; LANES] {
-        let (a, b) = (self, other);
-        lanes(|k| {
-            (a.depths[k] > b.depths[k]) | (a.depths[k] == b.depths[k]) & (a.faces[k] > b.faces[k])
-        })
+    fn are_behind(&self, other: &Self, filter: &Filter) -> (Eight<u32>, bool) {
+        let mut are_behind = [0; EIGHT];
+        let mut doubts = [0_u32; EIGHT];
+        for lane in 0..EIGHT {
+            let (own, before) = (self.depths[lane], other.depths[lane]);
+            // Nothing is behind all, and behind nothing else.
+            let (is_nothing, others_is) = (own == EMPTY, before == EMPTY);
+            let tolerance = if is_nothing { 0.0 } else { filter.tolerance_at(own) };
+            let is_behind = (own - tolerance > before) & !is_nothing;
+            let may_be = (own + tolerance >= before) & !is_nothing & !others_is;
+            are_behind[lane] = u32::from(is_behind | is_nothing);
+            doubts[lane] = u32::from(may_be & !is_behind);
+        }
+        (are_behind, doubts.iter().fold(0, |any, doubt| any | doubt) == 0)
     }
 
-    /// Its pixels where `is_first`, those of `other` elsewhere.
-    #[inline(always)]
-    fn or(&self, other: &Self, is_first: [bool; LANES]) -> Self {
-        let depths = lanes(|k| if is_first[k] { self.depths[k] } else { other.depths[k] });
-        let faces = lanes(|k| if is_first[k] { self.faces[k] } else { other.faces[k] });
-        Self { depths, faces }
-    }
-
-    /// Forgets the pixels that do not lie behind those of `front`.
-    #[inline(always)]
-    fn keep_behind(&mut self, front: Self) {
-        *self = self.or(&Self::empty(), self.are_behind(&front));
-    }
-
-    /// Of its pixels and those of `other` it keeps those behind and returns the others.
-    #[inline(always)]
-    fn exchange(&mut self, other: Self) -> Self {
-        let are_behind = self.are_behind(&other);
-        let nearer = other.or(self, are_behind);
-        *self = self.or(&other, are_behind);
-        nearer
-    }
-}
-
-impl<S: Scalar<Wide = S>> Plane<S> {
-    #[inline(always)]
-    fn block(&self, index: usize) -> Block<S> {
-        Block { depths: self.depths[index], faces: self.faces[index] }
-    }
-
-    #[inline(always)]
-    fn put(&mut self, index: usize, block: Block<S>) {
-        (self.depths[index], self.faces[index]) = (block.depths, block.faces);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    proptest! {
-        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
-
-        #[test]
-        fn faces_are_sorted_by_their_depths_and_then_by_their_order(
-            faces in prop::collection::vec(prop::array::uniform4(0..6_u8), 0..24),
-            front in prop::array::uniform4((0..3_u8, 0..9_u64)),
-            count in 0..5_usize,
-        ) {
-            let plane = || Plane::new(LANES, 1, 1);
-            let (mut drawn, mut before) = (plane(), plane());
-            let mut layers: Vec<_> = (0..count).map(|_| plane()).collect();
-            // Few depths, so that many are equal; 0 stands for pixels in which nothing is.
-            let depth = |depth: u8| if depth == 0 { beyond() } else { f64::from(depth) / 8.0 };
-            before.depths[0] = front.map(|(at, _)| depth(at));
-            before.faces[0] = front.map(|(_, face)| face);
-            for (number, depths) in (0..).zip(&faces) {
-                drawn.depths[0] = depths.map(depth);
-                drawn.faces[0] = depths.map(|at| if at == 0 { NO_FACE } else { number });
-                drawn.reached[0] = [0, LANES];
-                let (drawn, front, layers) = (&mut drawn, &before, &mut *layers);
-                let work = SortIn { drawn, front, layers, rows: 0..1 };
-                crate::dispatch::dispatch::<f64, _>(work);
-            }
-            prop_assert!(drawn.block(0).is_empty() && drawn.faces[0] == [NO_FACE; LANES]);
-            for lane in 0..LANES {
-                let of_face = |(number, depths): (u64, &[u8; LANES])| (depths[lane], number);
-                let mut expected: Vec<_> = (0..).zip(&faces).map(of_face).collect();
-                expected.retain(|&face| face.0 > 0 && front[lane].0 > 0 && face > front[lane]);
-                expected.sort_unstable();
-                let mut found = layers.iter().map(|layer| (layer.depths[0][lane], layer.faces[0][lane]));
-                for (at, number) in expected.into_iter().take(count) {
-                    prop_assert_eq!(found.next(), Some((depth(at), number)));
-                }
-                prop_assert!(found.all(|nothing| nothing == (beyond(), NO_FACE)));
+    /// Where single precision leaves in doubt which of two is behind, by their depths in wide numbers.
+    #[cold]
+    #[inline(never)]
+    fn settle<S: Scalar>(&self, other: &Self, are_behind: &mut Eight<u32>, depth_of: impl Fn(u32, usize) -> S) {
+        for lane in 0..EIGHT {
+            let (own, before) = (self.faces[lane], other.faces[lane]);
+            if own != NO_FACE && before != NO_FACE {
+                let [depth, depth_before] = [own, before].map(|number| depth_of(number, lane).to_f64());
+                let is_behind = depth > depth_before || depth == depth_before && own > before;
+                are_behind[lane] = u32::from(is_behind);
             }
         }
+    }
+
+    /// Its pixels where `are_own`, those of `other` elsewhere.
+    #[inline(always)]
+    fn or(&self, other: &Self, are_own: Eight<u32>) -> Self {
+        let mut block = *other;
+        for lane in 0..EIGHT {
+            let is_own = are_own[lane] != 0;
+            block.depths[lane] = if is_own { self.depths[lane] } else { other.depths[lane] };
+            block.faces[lane] = if is_own { self.faces[lane] } else { other.faces[lane] };
+        }
+        block
+    }
+}
+
+impl Plane {
+    /// Eight pixels from `pixel` on.
+    #[inline(always)]
+    fn block(&self, pixel: usize) -> Block {
+        let eight = "a row has room for eight pixels from any of its columns";
+        let depths = *self.depths[pixel..].first_chunk().expect(eight);
+        Block { depths, faces: *self.faces[pixel..].first_chunk().expect(eight) }
+    }
+
+    #[inline(always)]
+    fn put(&mut self, pixel: usize, block: Block) {
+        self.depths[pixel..][..EIGHT].copy_from_slice(&block.depths);
+        self.faces[pixel..][..EIGHT].copy_from_slice(&block.faces);
     }
 }

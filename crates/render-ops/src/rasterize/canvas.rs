@@ -5,18 +5,16 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::behind::{Peeling, SortIn};
-use super::blocks::SmallFace;
-use super::culling::{Fate, Verdict};
+use super::blocks::SmallFaces;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
+use super::filter::{EIGHT, Octet};
 use super::plane::{NO_FACE, Plane};
 use super::prepared::{NO_SLOT, Prepared};
-use super::setup::{LANES, Setup, Weights, beyond};
+use super::setup::Weights;
+use super::spans::RowOfPixels;
 use crate::dispatch::dispatch_256;
 use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
-
-/// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
-const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Gives a list `length` entries, whatever they are.
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
@@ -42,20 +40,22 @@ pub(super) struct Band<T: Scalar> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Canvas<T: Scalar> {
-    /// Of the faces that were drawn.
+    /// Of the band's faces, where exact coverage asks for all of them.
     weights: Vec<Weights<T::Wide>>,
     /// Where faces are drawn.
-    plane: Plane<T::Wide>,
-    /// Per drawn face: its slot, once it was seen.
+    plane: Plane,
+    /// Per face of the band: whether some pixel that it covered had to be settled.
+    were_settled: Vec<bool>,
+    /// Per face of the band: its slot, once it was seen.
     slot_of: Vec<u32>,
-    /// Per slot: its position in `weights`.
+    /// Per slot: the position of its face in the band.
     drawn_of_slot: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
     read: Vec<Run>,
     /// Per slot: how many runs it has, then where in the order of slots its next run goes.
     places: Vec<u32>,
     search: BoundarySearch<T::Wide>,
-    peeling: Peeling<T::Wide>,
+    peeling: Peeling,
     /// Per layer: the bands.
     pub(super) bands: Vec<Vec<Band<T>>>,
 }
@@ -72,7 +72,7 @@ struct Reader<'a> {
 impl Reader<'_> {
     /// Reads `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
     #[inline(always)]
-    fn read(&mut self, drawn: u64, pixel: u32, length: u32) {
+    fn read(&mut self, drawn: u32, pixel: u32, length: u32) {
         if drawn == NO_FACE {
             return;
         }
@@ -85,7 +85,7 @@ impl Reader<'_> {
         let slot = &mut self.slot_of[drawn as usize];
         if *slot == NO_SLOT {
             *slot = self.drawn_of_slot.len() as u32;
-            self.drawn_of_slot.push(drawn as u32);
+            self.drawn_of_slot.push(drawn);
             self.places.push(0);
         }
         self.places[*slot as usize] += 1;
@@ -116,39 +116,39 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
 /// The work of drawing a face span by span: in a place of its own, for what draws small faces has no
 /// registers to spare.
 struct DrawSpans<'a, T: Scalar> {
-    canvas: &'a mut Canvas<T>,
+    plane: &'a mut Plane,
     view: &'a Prepared<'a, T>,
-    face: usize,
-    /// The columns that it can touch, first and end.
-    touched: [usize; 2],
-    /// The Y of the rows that it can touch, and these rows within the band.
-    ys: &'a [T::Wide],
-    local: Range<usize>,
+    /// The rows of the band, its faces, and the position of the face that is drawn.
+    rows: Range<usize>,
+    faces: &'a [u32],
+    number: u32,
 }
 
 impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
-    type Output = ();
+    /// Whether some pixel that was covered had to be settled.
+    type Output = bool;
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { canvas, view, face, touched, ys, local } = self;
-        let number = canvas.weights.len() as u64;
-        let orientation = view.verdicts[face].orientation;
-        let mut setup = Setup::new(view.corners_of(face), orientation, view.size);
-        let per_row = view.blocks_per_row();
-        let Plane { depths, faces, reached, .. } = &mut canvas.plane;
-        let reached = &mut reached[local.clone()];
-        let stored = local.start * per_row..local.end * per_row;
-        let (depths, faces) = (&mut depths[stored.clone()], &mut faces[stored]);
+    fn with_simd<V: pulp::Simd>(self, _: V) -> bool {
+        let Self { plane, view, rows, faces, number } = self;
+        let face = faces[number as usize] as usize;
+        let [columns, rows_of_face] = view.touched(face, &rows);
+        let columns = [columns.start, columns.end];
+        let mut setup = view.setup(face);
         let centers = &view.centers[..view.size.width];
-        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-        for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
-            let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
-            let row = setup.row(y);
-            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, number);
-            *reached = [reached[0].min(first), reached[1].max(end)];
+        let depth_of = |other: u32, [y, x]: [T::Wide; 2]| {
+            view.setup(faces[other as usize] as usize).depth_at(y, x)
+        };
+        for row in rows_of_face {
+            let local = row - rows.start;
+            let (depths, faces) = plane.row(local);
+            let (filter, depth_of) = (&view.filter, &depth_of);
+            let mut pixels = RowOfPixels { depths, faces, number, filter, depth_of };
+            let edges = setup.row(view.ys[row]);
+            let reached = setup.cover_span(&edges, columns, centers, &mut pixels);
+            plane.reach(local, reached);
         }
-        canvas.weights.push(setup.weights());
+        setup.has_uncertain()
     }
 }
 
@@ -172,7 +172,7 @@ impl<T: Scalar> Canvas<T> {
                 self.resolve(view, index, rows.clone(), &faces[band]);
             }
             if view.front.is_some() {
-                self.plane.forget(rows.len());
+                self.plane.forget_rows(rows.len());
             }
             for layer in 0..view.layers {
                 let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
@@ -193,77 +193,76 @@ impl<T: Scalar> Canvas<T> {
                 }
                 self.exchange_front();
             }
-            self.weights.clear();
+            self.were_settled.clear();
+            self.were_settled.resize(faces.len(), false);
             if !is_behind && let Some(front) = view.front {
                 self.plane.draw_front(view, front, rows.clone(), faces);
                 continue;
             }
-            for &face in faces {
-                let drawn = self.draw(view, rows.clone(), face as usize);
-                if is_behind {
-                    let Self { plane, peeling: Peeling { front, layers, .. }, .. } = self;
-                    let work = SortIn { drawn: plane, front, layers, rows: drawn };
-                    crate::dispatch::dispatch::<T, _>(work);
+            let band = [rows.start, rows.end - 1];
+            for first in (0..faces.len()).step_by(EIGHT) {
+                let of_lane = |k: usize| faces[(first + k).min(faces.len() - 1)] as usize;
+                let eight = std::array::from_fn(|k| view.mesh.faces()[of_lane(k)]);
+                let octet = Octet::gather(view.records, eight);
+                let small = SmallFaces::new(&view.filter, &octet, view.size, band);
+                for k in 0..EIGHT.min(faces.len() - first) {
+                    let number = (first + k) as u32;
+                    self.draw(view, rows.clone(), faces, (&small, k), number);
+                    if is_behind {
+                        self.sort_in(view, rows.clone(), faces, number);
+                    }
                 }
             }
         }
         self.exchange_front();
     }
 
+    /// Sorts a face that was drawn alone into the layers behind.
+    #[inline(never)]
+    fn sort_in(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, faces: &[u32], number: u32) {
+        let Self { plane, peeling: Peeling { front, layers, .. }, .. } = self;
+        let [_, drawn_rows] = view.touched(faces[number as usize] as usize, &rows);
+        let local = drawn_rows.start - rows.start..drawn_rows.end - rows.start;
+        let depth_of = |number: u32, local: usize, column: usize| {
+            let face = faces[number as usize] as usize;
+            view.setup(face).depth_at(view.ys[rows.start + local], view.centers[column])
+        };
+        let work = SortIn { drawn: plane, front, layers, rows: local, filter: &view.filter, depth_of };
+        crate::dispatch::dispatch_256::<T, _>(work);
+    }
+
     /// Exchanges what was drawn and what is kept of its faces for the layer in front.
     fn exchange_front(&mut self) {
         std::mem::swap(&mut self.plane, &mut self.peeling.front);
-        std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+        std::mem::swap(&mut self.were_settled, &mut self.peeling.were_settled);
     }
 
     /// Exchanges what was drawn for the `behind`-th layer behind the one in front, if it is one of these.
     fn exchange_layer(&mut self, behind: Option<usize>) {
         if let Some(behind) = behind {
             std::mem::swap(&mut self.plane, &mut self.peeling.layers[behind]);
-            std::mem::swap(&mut self.weights, &mut self.peeling.weights);
+            std::mem::swap(&mut self.were_settled, &mut self.peeling.were_settled);
         }
     }
 
-    /// Draws a face into the band of `rows`; returns its rows within the band.
+    /// Draws the face at position `number` of the band of `rows`, a lane of eight that were set up.
     #[inline(always)]
-    fn draw(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, face: usize) -> Range<usize> {
-        let Verdict { orientation, fate, .. } = view.verdicts[face];
-        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
-            unreachable!("only faces that are drawn are on the lists");
-        };
-        let number = self.weights.len() as u64;
-        let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
-        let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
-        let ys = &view.ys[rows_of_face];
-        let per_row = view.blocks_per_row();
-        let corners = view.corners_of(face);
-        let blocks = left as usize / LANES..right as usize / LANES + 1;
-        if blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK
-            && let Some(small) = SmallFace::new(corners, orientation, view.size)
-        {
-            let centers = &view.centers.as_chunks().0[blocks.clone()];
-            let first = local.start * per_row + blocks.start;
-            let Plane { depths, faces, reached_by_blocks, .. } = &mut self.plane;
-            let stored = (&mut depths[first..], &mut faces[first..]);
-            let is_uncertain = small.cover(ys, centers, stored, per_row, number);
-            let [first, end] = reached_by_blocks;
-            (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
-            // Otherwise the face is drawn once more, in spans: a pixel that has its depth keeps it.
-            if !is_uncertain {
-                self.weights.push(small.weights());
-                return local;
-            }
+    fn draw(
+        &mut self,
+        view: &Prepared<'_, T>,
+        rows: Range<usize>,
+        faces: &[u32],
+        (small, k): (&SmallFaces, usize),
+        number: u32,
+    ) {
+        let tolerance = view.filter.tolerance;
+        if small.is_small(k) && !small.cover(k, &mut self.plane, rows.start, number, tolerance) {
+            return;
         }
-        let touched = [left as usize, right as usize + 1];
-        crate::dispatch::dispatch::<T, _>(DrawSpans {
-            canvas: self,
-            view,
-            face,
-            touched,
-            ys,
-            local: local.clone(),
-        });
-        local
+        let spans = DrawSpans { plane: &mut self.plane, view, rows, faces, number };
+        if crate::dispatch::dispatch::<T, _>(spans) {
+            self.were_settled[number as usize] = true;
+        }
     }
 
     /// Resolves the boundary pixels of band `band_index`, whose faces are `faces`; nothing is seen at their
@@ -276,7 +275,11 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, bands, weights, slot_of, .. } = self;
+        let Self { search, bands, weights, were_settled, slot_of, .. } = self;
+        weights.clear();
+        weights.extend(faces.iter().zip(&*were_settled).map(|(&face, &was_settled)| {
+            view.weights(face as usize, was_settled)
+        }));
         let Band { pieces, piece_fragments, .. } = &mut bands[0][band_index];
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
@@ -284,12 +287,11 @@ impl<T: Scalar> Canvas<T> {
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
         piece_fragments.sort(pieces, faces, slot_of);
-        let stored = self.plane.faces.as_flattened_mut();
-        let stride = view.blocks_per_row() * LANES;
+        let Plane { faces: stored, stride, .. } = &mut self.plane;
         for &pixel in &pieces.pixels {
             let [row, column] =
                 Size { width: view.size.width, height: 0 }.row_and_column(pixel as usize - first);
-            stored[row * stride + column] = NO_FACE;
+            stored[row * *stride + column] = NO_FACE;
         }
     }
 
@@ -309,13 +311,13 @@ impl<T: Scalar> Canvas<T> {
         self.drawn_of_slot.clear();
         self.places.clear();
         self.slot_of.clear();
-        self.slot_of.resize(self.weights.len(), NO_SLOT);
+        self.slot_of.resize(faces.len(), NO_SLOT);
         for (local, row) in rows.enumerate() {
             self.bands[of_band.0][of_band.1].row_starts.push(self.read.len() as u32);
             self.read_row(view, of_band, row, local);
         }
-        self.plane.reached_by_blocks = [usize::MAX, 0];
-        self.sort(of_band, faces);
+        self.plane.reached_by_small = [usize::MAX, 0];
+        self.sort(view, of_band, faces);
     }
 
     /// Reads what the pixels of a row see, and forgets what was drawn there, up to the image's width.
@@ -333,7 +335,7 @@ impl<T: Scalar> Canvas<T> {
             return;
         }
         let Self { plane, bands, slot_of, drawn_of_slot, places, read, .. } = self;
-        let (depths, faces, _) = plane.row(local);
+        let (_, faces) = plane.row(local);
         let before_row = (row * view.size.width) as u32;
         let mut reader = Reader {
             covered: &mut bands[of_band.0][of_band.1].covered,
@@ -361,18 +363,19 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         reader.read(faces[start], before_row + start as u32, (end - start) as u32);
-        faces[first..end].fill(NO_FACE);
-        depths[first..end].fill(beyond());
+        plane.forget(local, [first, end]);
     }
 
     /// Sorts the runs of a band of a layer, whose faces are `faces`, by slot; those of one slot stay in order. Gives
     /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, of_band: (usize, usize), faces: &[u32]) {
-        let Self { weights, drawn_of_slot, read, places, bands, .. } = self;
+    fn sort(&mut self, view: &Prepared<'_, T>, of_band: (usize, usize), faces: &[u32]) {
+        let Self { were_settled, drawn_of_slot, read, places, bands, .. } = self;
         let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[of_band.0][of_band.1];
         own_weights.clear();
-        own_weights.extend(drawn_of_slot.iter().map(|&drawn| weights[drawn as usize]));
+        own_weights.extend(drawn_of_slot.iter().map(|&drawn| {
+            view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize])
+        }));
         let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.
@@ -431,8 +434,7 @@ impl<T: Scalar> Band<T> {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {
                     let face = slot.face as usize;
-                    let orientation = view.verdicts[face].orientation;
-                    let setup = Setup::new(view.corners_of(face), orientation, view.size);
+                    let setup = view.setup(face);
                     let target = &mut barycentrics[..2 * length];
                     setup.weigh_one_by_one(y, &centers[..length], target);
                 }

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::filter::{Boxes, EIGHT, Filter, Octet, Record};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::mesh::repeats_a_vertex;
 use crate::order::{largest, least};
@@ -23,11 +24,14 @@ pub(super) struct Corner<S> {
     /// The view's bounding planes that it lies beyond, one bit each, and [`UNUSUAL`].
     beyond: u8,
     /// In pixels from the centre of the first pixel; means nothing behind the eye.
-    pixel: [f64; 2],
+    pub(super) pixel: [f64; 2],
 }
 
-/// How far behind the near plane a vertex's depth has to be so that small faces are drawn in blocks (`blocks`).
+/// How far from the near and the far plane the depth of a tame vertex is: far more than the rounding of depths.
 const MARGIN: f64 = 1e-4;
+
+/// The w of tame vertices: numbers of 32 bits hold products of three.
+const TAME_W: std::ops::Range<f64> = 1e-12..1e12;
 
 /// The bit of [`Corner::beyond`] for a vertex behind the eye.
 const BEHIND: u8 = 1;
@@ -36,14 +40,9 @@ const BEHIND: u8 = 1;
 const BEYOND_FAR: u8 = 1 << 5;
 const BEFORE_NEAR: u8 = 1 << 6;
 
-/// The bit of [`Corner::beyond`] for a vertex that is close to the near plane or was multiplied.
+/// The bit of [`Corner::beyond`] for a vertex that is close to the near or far plane, was multiplied, or whose w is
+/// not among [`TAME_W`].
 const UNUSUAL: u8 = 1 << 7;
-
-/// Whether none is beyond a plane or unusual: see `blocks`.
-#[inline(always)]
-pub(super) fn are_tame<S>([a, b, c]: [&Corner<S>; 3]) -> bool {
-    a.beyond | b.beyond | c.beyond == 0
-}
 
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
@@ -53,6 +52,12 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         let Vertex { x, y, z, w } = vertex;
         let [width, height] = size.extents::<S>();
         let (right, top) = (width * w, height * w);
+        let inner = S::from_f64(1.0 - MARGIN) * w;
+        let is_unusual = z < -inner
+            || z > inner
+            || factor != S::ONE
+            || w < S::from_f64(TAME_W.start)
+            || w > S::from_f64(TAME_W.end);
         // One after another: of a list of planes the compiler makes bytes, which it then takes apart.
         let bit = |is_beyond: bool, bit: u8| u8::from(is_beyond) * bit;
         let beyond = bit(w <= S::ZERO, BEHIND)
@@ -62,10 +67,22 @@ impl<S: Scalar<Wide = S>> Corner<S> {
             | bit(y < -top, 1 << 4)
             | bit(z > w, BEYOND_FAR)
             | bit(z < -w, BEFORE_NEAR)
-            | bit(z < S::from_f64(MARGIN - 1.0) * w || factor != S::ONE, UNUSUAL);
+            | bit(is_unusual, UNUSUAL);
         let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
         let pixel = [pixel(x / w, width), pixel(-y / w, height)];
         Self { vertex, factor, beyond, pixel }
+    }
+
+    /// Whether the vertex is in view and neither close to the near or far plane nor extreme.
+    #[inline(always)]
+    pub(super) fn is_tame(&self) -> bool {
+        self.beyond == 0
+    }
+
+    /// z / w, of a tame vertex.
+    #[inline(always)]
+    pub(super) fn depth(&self) -> f64 {
+        self.vertex.z.to_f64() / self.vertex.w.to_f64()
     }
 
     /// Whether the vertex lies before the near plane, beyond the far plane, or behind the eye.
@@ -147,7 +164,7 @@ impl Verdict {
     }
 
     /// On the face of these vertices.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn from_corners<S: Scalar<Wide = S>>(
         corners: [&Corner<S>; 3],
         vertices: [u32; 3],
@@ -171,15 +188,13 @@ impl Verdict {
             Fate::Outside
         } else if orientation == 0 {
             Fate::Degenerate
-        } else if options.cull == Cull::Back && orientation < 0
-            || options.cull == Cull::Front && orientation > 0
-        {
+        } else if is_turned_away(orientation, options.cull) {
             Fate::Facing
         } else if (a | b | c) & BEHIND != 0 {
             let Size { width, height } = options.size;
             Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
-            let margin = if options.sampling.has_pieces() { HALF_A_PIXEL } else { 0.0 };
+            let margin = reach_of_pixels(options);
             let touched =
                 |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent, margin);
             let Size { width, height } = options.size;
@@ -188,6 +203,67 @@ impl Verdict {
         let is_drawn = matches!(fate, Fate::Drawn { .. });
         let orientation = if matches!(fate, Fate::Facing) { 0 } else { orientation };
         Self { orientation, reaches_behind: is_drawn && (a | b | c) & BEHIND != 0, fate }
+    }
+}
+
+impl Boxes {
+    /// On the `k`-th of the faces, if single precision decides it.
+    #[inline(always)]
+    fn verdict(&self, k: usize, cull: Cull) -> Option<Verdict> {
+        let orientation = self.orientations[k] as i8;
+        if orientation == 0 {
+            return None;
+        }
+        let is_hidden = is_turned_away(orientation, cull);
+        let [columns, rows] = [&self.columns, &self.rows].map(|[first, last]| {
+            if first[k] <= last[k] { [first[k] as u32, last[k] as u32] } else { [1, 0] }
+        });
+        let fate = if is_hidden { Fate::Facing } else { Fate::Drawn { columns, rows } };
+        let orientation = if is_hidden { 0 } else { orientation };
+        Some(Verdict { orientation, reaches_behind: false, fate })
+    }
+}
+
+/// Whether a face shows the side that is not drawn.
+#[inline(always)]
+fn is_turned_away(orientation: i8, cull: Cull) -> bool {
+    match cull {
+        Cull::None => false,
+        Cull::Back => orientation < 0,
+        Cull::Front => orientation > 0,
+    }
+}
+
+/// The work of judging `faces`, of which `verdicts` are filled in: not as a closure, which would not be compiled for the
+/// vectors that were found.
+pub(super) struct Judge<'a, S> {
+    pub(super) faces: &'a [[u32; 3]],
+    pub(super) corners: &'a [Corner<S>],
+    pub(super) records: &'a [Record],
+    pub(super) filter: &'a Filter,
+    pub(super) options: RasterOptions,
+    pub(super) most_noise: S,
+    pub(super) verdicts: &'a mut [Verdict],
+}
+
+impl<S: Scalar<Wide = S>> pulp::WithSimd for Judge<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { faces, corners, records, filter, options, most_noise, verdicts } = self;
+        let margin = reach_of_pixels(options) + ROUNDING_OF_PIXELS;
+        for (faces, verdicts) in faces.chunks(EIGHT).zip(verdicts.chunks_mut(EIGHT)) {
+            // Where there are fewer than eight, the last one takes part several times.
+            let eight = std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
+            let boxes = filter.boxes(&Octet::gather(records, eight), options.size, margin);
+            for (k, (&face, verdict)) in faces.iter().zip(verdicts).enumerate() {
+                *verdict = boxes.verdict(k, options.cull).unwrap_or_else(|| {
+                    let of_face = face.map(|vertex| &corners[vertex as usize]);
+                    Verdict::from_corners(of_face, face, options, most_noise)
+                });
+            }
+        }
     }
 }
 
@@ -223,13 +299,20 @@ pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Si
 /// What a pixel reaches beyond its centre.
 const HALF_A_PIXEL: f64 = 0.5;
 
+/// How far beyond its centre a pixel is of interest.
+fn reach_of_pixels(options: RasterOptions) -> f64 {
+    if options.sampling.has_pieces() { HALF_A_PIXEL } else { 0.0 }
+}
+
+/// Far more than the roundings of a coordinate within the image, far less than a pixel.
+pub(super) const ROUNDING_OF_PIXELS: f64 = 1e-6;
+
 /// The first and last of `extent` pixels whose centres can lie between the smallest and the largest
 /// of three coordinates in pixels, or up to `margin` beyond. Where there is no such pixel, the last
 /// comes before the first.
 #[inline(always)]
 fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {
-    // Far more than the roundings of a coordinate within the image, far less than a pixel.
-    let margin = margin + 1e-6;
+    let margin = margin + ROUNDING_OF_PIXELS;
     let (low, high) = (least(pixel) - margin, largest(pixel) + margin);
     let most = f64::from(extent as u32) - 1.0;
     let first = if low > 0.0 { low.ceil() } else { 0.0 };

@@ -28,10 +28,12 @@ mod blocks;
 mod canvas;
 mod culling;
 mod exact;
+mod filter;
 mod plane;
 mod prepared;
 mod pull_back;
 mod setup;
+mod spans;
 mod visibility;
 
 use std::ops::Range;

@@ -2,8 +2,11 @@
 
 use bokashi_core::Scalar;
 
-use super::culling::{Corner, Verdict};
-use super::setup::LANES;
+use std::ops::Range;
+
+use super::culling::{Corner, Fate, Verdict};
+use super::filter::{Filter, Record};
+use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
 use crate::mesh::Mesh;
 use crate::raster_options::{Limits, Sampling};
@@ -12,14 +15,13 @@ use crate::size::Size;
 /// Stands for "not seen".
 pub(super) const NO_SLOT: u32 = u32::MAX;
 
-/// Rows whose blocks lie a multiple of so many apart share places in a core's cache: they get half as many more.
-const BLOCKS_APART: usize = 16;
-
 /// What the stages share.
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
     pub(super) size: Size,
     pub(super) corners: &'a [Corner<T::Wide>],
+    pub(super) filter: Filter,
+    pub(super) records: &'a [Record],
     pub(super) verdicts: &'a [Verdict],
     /// The X of each column's pixel centres, in whole blocks.
     pub(super) centers: &'a [T::Wide],
@@ -38,18 +40,33 @@ pub(super) struct Prepared<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
-    /// Blocks from the start of a row to that of the next. At a distance of a large power of two the rows of a
-    /// face would share a few places in a core's cache.
-    #[inline(always)]
-    pub(super) fn blocks_per_row(&self) -> usize {
-        let blocks = self.centers.len() / LANES;
-        if blocks.is_multiple_of(BLOCKS_APART) { blocks + BLOCKS_APART / 2 } else { blocks }
-    }
-
     /// [`Mesh::is_silhouette`], as the mesh is seen.
     #[inline(always)]
     pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
         self.mesh.is_silhouette(face, corner, |face| self.verdicts[face].orientation)
+    }
+
+    /// A face before its pixels are visited one by one.
+    #[inline(always)]
+    pub(super) fn setup(&self, face: usize) -> Setup<T::Wide> {
+        Setup::new(self.corners_of(face), self.verdicts[face].orientation, self.size)
+    }
+
+    /// What the weights of a face follow from, some pixels of which perhaps had to be settled.
+    #[inline(always)]
+    pub(super) fn weights(&self, face: usize, was_settled: bool) -> Weights<T::Wide> {
+        Weights::new(self.corners_of(face), self.verdicts[face].orientation, was_settled)
+    }
+
+    /// The columns, and of the rows of a band those that a drawn face can touch.
+    #[inline(always)]
+    pub(super) fn touched(&self, face: usize, band: &Range<usize>) -> [Range<usize>; 2] {
+        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = self.verdicts[face].fate
+        else {
+            unreachable!("only faces that are drawn are on the lists");
+        };
+        let rows = band.start.max(top as usize)..band.end.min(bottom as usize + 1);
+        [left as usize..right as usize + 1, rows]
     }
 
     #[inline(always)]

@@ -23,11 +23,10 @@
 //! `z / w = d + sum_i (z_i - d w_i) a_i / D`, whose term of vertex 0 is zero. Only the difference is
 //! rounded.
 
-use std::sync::atomic::{Ordering, compiler_fence};
-
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
+use super::spans::RowOfPixels;
 use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};
 use crate::order::{largest, least};
@@ -58,13 +57,6 @@ pub(super) const LANES: usize = 4;
 #[inline(always)]
 pub(super) fn lanes<V>(f: impl Fn(usize) -> V) -> [V; LANES] {
     [f(0), f(1), f(2), f(3)]
-}
-
-/// The depth of a pixel that nothing covers: larger than the far plane's by as little as can be,
-/// so that `< beyond` is `<= 1`.
-#[inline(always)]
-pub(super) fn beyond<S: Scalar>() -> S {
-    S::from_f64(1.0 + f64::EPSILON)
 }
 
 /// The edge functions along a row of pixel centres.
@@ -104,9 +96,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     pub(super) fn new(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
         let vertices = corners.map(|corner| corner.vertex);
         let sign = S::from_f64(f64::from(orientation));
-        let [p, q, r] = vertices;
-        let edges = [edge(q, r), edge(r, p), edge(p, q)];
-        let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
+        let edges = signed_edges(&vertices, orientation);
         let extents = vertices.map(|vertex| extent(vertex, size));
         let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
         // That of any two of the vertices, as in `homogeneous::edge_error_bound`.
@@ -202,18 +192,31 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         depth
     }
 
-    /// Draws a row of pixels among `columns`, first and end: where its depth is smaller than in
-    /// `depths` it takes its place, and `face` that in `faces`. Returns columns, first and end,
-    /// beyond which it covers nothing.
+    /// The depth at the centre of a pixel that it covers, as visibility compares it.
+    pub(super) fn depth_at(&self, y: S, x: S) -> S {
+        let row = self.row(y);
+        let a = row.values_at(x);
+        if self.is_uncertain(a) {
+            return self.depth(self.settled(&row, x).expect("it was covered a moment ago"));
+        }
+        match self.plane {
+            Some(plane) => {
+                let [start, slope] = along(plane, y);
+                start + slope * x
+            }
+            None => self.depth(a),
+        }
+    }
+
+    /// Draws a row of pixels among `columns`, first and end: where it is nearer than what is in `pixels`, it takes its
+    /// place. Returns columns, first and end, beyond which it covers nothing.
     #[inline(always)]
     pub(super) fn cover_span(
         &mut self,
         row: &Row<S>,
         columns: [usize; 2],
         centers: &[S],
-        depths: &mut [S],
-        faces: &mut [u64],
-        face: u64,
+        pixels: &mut RowOfPixels<'_, S>,
     ) -> [usize; 2] {
         let [first, end] = self.span(row, columns, centers);
         if first >= end {
@@ -221,19 +224,16 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         }
         let [inside, inside_end] = self.certain(row, [first, end], centers);
         let within = inside..inside_end;
-        let pixels = (&mut depths[within.clone()], &mut faces[within.clone()]);
-        let centers_within = &centers[within];
         match self.plane {
             Some(plane) => {
                 let [start, slope] = along(plane, row.y);
-                cover(pixels, centers_within, face, |x| start + slope * x);
+                pixels.cover(row.y, within, centers, |x| start + slope * x);
             }
-            None => cover(pixels, centers_within, face, |x| self.depth(row.values_at(x))),
+            None => pixels.cover(row.y, within, centers, |x| self.depth(row.values_at(x))),
         }
         // The few at both ends where an edge function may be rounding alone.
         for column in (first..inside).chain(inside_end..end) {
-            let pixel = (&mut depths[column], &mut faces[column]);
-            self.cover_settled(row, centers[column], pixel, face);
+            self.cover_settled(row, (column, centers[column]), pixels);
         }
         [first, end]
     }
@@ -246,20 +246,15 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Draws one pixel where an edge function is uncertain.
     #[cold]
     #[inline(never)]
-    fn cover_settled(&mut self, row: &Row<S>, x: S, pixel: (&mut S, &mut u64), face: u64) {
+    fn cover_settled(&mut self, row: &Row<S>, (column, x): (usize, S), pixels: &mut RowOfPixels<'_, S>) {
         let Some(a) = self.settled(row, x) else { return };
-        let depth = self.depth(a);
-        if depth < *pixel.0 && depth >= -S::ONE {
-            self.has_uncertain = true;
-            (*pixel.0, *pixel.1) = (depth, face);
-        }
+        self.has_uncertain |= pixels.cover_one(row.y, (column, x), self.depth(a));
     }
 
-    /// What is kept of the face once it is drawn.
+    /// Whether some pixel that it covered had to be settled.
     #[inline(always)]
-    pub(super) fn weights(&self) -> Weights<S> {
-        let is_plain = !self.has_uncertain && are_one(self.factors);
-        Weights { edges: self.edges, is_plain }
+    pub(super) fn has_uncertain(&self) -> bool {
+        self.has_uncertain
     }
 
     /// The weights u and v of neighbouring pixels of a row that it covers, into
@@ -297,6 +292,14 @@ pub(super) struct Weights<S> {
 }
 
 impl<S: Scalar<Wide = S>> Weights<S> {
+    /// Of a face of that orientation, 1 or -1, some pixels of which perhaps had to be settled.
+    #[inline(always)]
+    pub(super) fn new(corners: [&Corner<S>; 3], orientation: i8, has_uncertain: bool) -> Self {
+        let edges = signed_edges(&corners.map(|corner| corner.vertex), orientation);
+        let is_plain = !has_uncertain && are_one(corners.map(|corner| corner.factor));
+        Self { edges, is_plain }
+    }
+
     /// The weights u and v of the first `length` of `centers`, of a row at `y`, of a plain face that
     /// covers them, into the first of `barycentrics: [n, 2]`. What it writes after them means
     /// nothing: most runs are short, and a fixed number of pixels takes less time than as many as
@@ -329,55 +332,18 @@ impl<S: Scalar<Wide = S>> Weights<S> {
     }
 }
 
-/// Draws neighbouring pixels of a row that a face surely covers, where its depth at their `centers`
-/// is smaller than what is there.
+/// The edge functions' coefficients of a face of that orientation, positive inside.
 #[inline(always)]
-fn cover<S: Scalar>(
-    (depths, faces): (&mut [S], &mut [u64]),
-    centers: &[S],
-    face: u64,
-    depth: impl Fn(S) -> S,
-) {
-    let (depth_blocks, depths) = depths.as_chunks_mut();
-    let (face_blocks, faces) = faces.as_chunks_mut();
-    let (center_blocks, centers) = centers.as_chunks::<LANES>();
-    for ((nearest, nearest_face), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks)
-    {
-        let depth = lanes(|k| depth(x[k]));
-        keep_nearer((nearest, nearest_face), lanes(|k| depth[k] >= -S::ONE), depth, face);
-    }
-    for ((nearest, nearest_face), &x) in depths.iter_mut().zip(faces).zip(centers) {
-        let depth = depth(x);
-        if depth >= -S::ONE && depth < *nearest {
-            (*nearest, *nearest_face) = (depth, face);
-        }
-    }
-}
-
-/// Where a block of pixels is covered and `depth` is smaller than in `nearest`, it takes its place, and
-/// `face` that in `nearest_face`.
-///
-/// Values first, then two stores, so that they are compiled to vectors. A choice whose store goes to
-/// where it was loaded from would become a masked store, which takes long and which later loads wait
-/// for. The fence, which is no instruction, keeps the stores apart from the loads.
-#[inline(always)]
-pub(super) fn keep_nearer<S: Scalar>(
-    (nearest, nearest_face): (&mut [S; LANES], &mut [u64; LANES]),
-    is_covered: [bool; LANES],
-    depth: [S; LANES],
-    face: u64,
-) {
-    let (before, face_before) = (*nearest, *nearest_face);
-    compiler_fence(Ordering::SeqCst);
-    let is_nearer = lanes(|k| is_covered[k] & (depth[k] < before[k]));
-    *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
-    *nearest_face = lanes(|k| if is_nearer[k] { face } else { face_before[k] });
+fn signed_edges<S: Scalar>([p, q, r]: &[Vertex<S>; 3], orientation: i8) -> [[S; 3]; 3] {
+    let sign = S::from_f64(f64::from(orientation));
+    let edges = [edge(*q, *r), edge(*r, *p), edge(*p, *q)];
+    edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey])
 }
 
 /// The depth's coefficients of 1, X and Y, where no vertex is behind the eye and neither the
 /// rounding of the edge functions nor that of vertex 0's depth can be seen in it.
 #[inline(always)]
-pub(super) fn plane<S: Scalar<Wide = S>>(
+fn plane<S: Scalar<Wide = S>>(
     vertices: &[Vertex<S>; 3],
     edges: &[[S; 3]; 3],
     error_bound: S,

@@ -16,7 +16,8 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, resize};
-use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
+use super::culling::{Corner, Fate, Judge, Verdict, give_one_factor, most_rounding};
+use super::filter::{Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
@@ -36,6 +37,9 @@ const ITEMS_PER_PIECE: usize = 1 << 12;
 #[derive(Debug, Default)]
 pub(super) struct Visibility<T: Scalar> {
     pub(super) corners: Vec<Corner<T::Wide>>,
+    filter: Filter,
+    /// The vertices, as the filter sees them.
+    records: Vec<Record>,
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
     pub(super) reaches_behind: bool,
     verdicts: Vec<Verdict>,
@@ -99,25 +103,26 @@ impl<T: Scalar> Visibility<T> {
         if T::from_f64(1e60).is_finite() {
             give_one_factor(&mut self.corners);
         }
+        let Self { corners, records, filter, .. } = self;
+        *filter = Filter::new(corners, size);
+        resize(records, count, Record::default);
+        for_each_piece_mut(records, ITEMS_PER_PIECE, |piece, records| {
+            let corners = &corners[piece * ITEMS_PER_PIECE..];
+            for (record, corner) in records.iter_mut().zip(corners) {
+                *record = filter.record(corner);
+            }
+        });
     }
 
     fn judge_faces(&mut self, mesh: &Mesh, options: RasterOptions) {
-        let Self { corners, verdicts, .. } = self;
+        let Self { corners, records, filter, verdicts, .. } = self;
         let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         resize(verdicts, mesh.faces().len(), || degenerate);
         let most_noise = most_rounding(corners, options.size);
         for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
-            let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    let (options, most_noise) = (options, most_noise);
-                    for (&face, verdict) in faces.iter().zip(verdicts) {
-                        let of_face = face.map(|vertex| &corners[vertex as usize]);
-                        *verdict = Verdict::from_corners(of_face, face, options, most_noise);
-                    }
-                },
-            );
+            let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..][..verdicts.len()];
+            let judge = Judge { faces, corners, records, filter, options, most_noise, verdicts };
+            dispatch_256::<T, _>(judge);
         });
     }
 
@@ -159,6 +164,8 @@ impl<T: Scalar> Visibility<T> {
             mesh,
             size,
             corners: &self.corners,
+            filter: self.filter,
+            records: &self.records,
             verdicts: &self.verdicts,
             centers: &self.centers,
             ys: &self.ys,

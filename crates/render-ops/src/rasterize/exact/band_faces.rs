@@ -10,7 +10,7 @@ use super::polygon::{Line, size};
 use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
-use crate::rasterize::culling::{Corner, Fate};
+use crate::rasterize::culling::Corner;
 use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
 
@@ -124,13 +124,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// The rows of the band and the columns that a face may reach into.
     pub(super) fn reach(&self, face: u32) -> [Range<usize>; 2] {
-        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
-            self.view.verdicts[face as usize].fate
-        else {
-            unreachable!("only faces that are drawn are on the lists");
-        };
-        let rows = self.rows.start.max(top as usize)..self.rows.end.min(bottom as usize + 1);
-        [rows, left as usize..right as usize + 1]
+        let [columns, rows] = self.view.touched(face as usize, &self.rows);
+        [rows, columns]
     }
 
     /// The same of the edge that faces corner `corner`.

@@ -1,0 +1,251 @@
+//! A floating-point filter: what single precision decides beyond doubt.
+//!
+//! Most pixels lie far from a face's edges, and most surfaces far from each other. There numbers of 32 bits, of which a
+//! vector holds twice as many, give the answer of [`Scalar::Wide`]. What a bound leaves in doubt is worked out in wide
+//! numbers (`setup`, `culling`), so nothing depends on the filter but the time.
+//!
+//! # Vertices
+//! A vertex of 16 bytes has its pixel coordinates as whole numbers of a unit h, so that differences are exact, and its
+//! depth z / w less the middle of all depths, so that they are small. Only *tame* vertices have one (`culling`).
+//!
+//! # Bounds
+//! Let b be the larger side of a face's box in pixels and `B = b + 1`. Coordinates from the face's first pixel are off by
+//! half a unit, and by the rounding of a difference to single precision, `e B` with `e = 2^-24`.
+//!
+//! *Edge functions* `E = (x_j - X) (y_k - Y) - (x_k - X) (y_j - Y)`, at most 7 pixels beyond the box. Coordinates that are
+//! off by d move E by `4 d (B + 3.5)`. Rounding of the coefficients and of their sum takes `17 e B (B + 3.5)`, of which 4
+//! are the coordinates'. So E is certain beyond `(2 h + 17 e B) (B + 3.5) + slack`.
+//!
+//! *Slack* is what wide numbers leave in doubt themselves, in square pixels, and so that the sign of the area holds for
+//! `culling`. The w of a face's vertices are within a factor of [`EVEN`]. Then `setup`'s bound is below
+//! `65 eps W H EVEN^2 / 4`, and that of the determinant below `193 eps W H EVEN^2 / 4`, for W x H pixels.
+//!
+//! *Depths* are certain where they differ by more than the tolerance t, [`RESOLUTION`] of the largest. With a range r
+//! over the face and an area A, a depth is off by `8 bound r / A` and a few `e`: [`SmallFace`](super::blocks) asks that
+//! this is less than t / 2.
+//!
+//! # Source
+//! Filters: Shewchuk, *Adaptive precision floating-point arithmetic and fast robust geometric predicates*, Discrete and
+//! Computational Geometry 18, 1997.
+
+use bokashi_core::Scalar;
+
+use super::culling::Corner;
+use crate::homogeneous::Vertex;
+use crate::size::Size;
+
+/// Faces, or pixels of a row, that are worked on side by side.
+pub(super) const EIGHT: usize = 8;
+
+pub(super) type Eight<V> = [V; EIGHT];
+
+/// The w of the vertices of one face differ by less than this factor.
+const EVEN: f32 = 4.0;
+
+/// Depths that differ by more than this share of the largest depth are told apart.
+const RESOLUTION: f64 = 5e-5;
+
+/// The depth of a pixel that nothing covers.
+pub(super) const EMPTY: f32 = f32::INFINITY;
+
+/// What the filter measures with, for one mesh in one image.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Filter {
+    /// A pixel has `2^bits` units.
+    bits: u32,
+    /// In pixels.
+    unit: f32,
+    /// In square pixels: see the head of this file.
+    slack: f32,
+    /// The middle of the depths.
+    middle: f64,
+    /// Depths that differ by more are told apart.
+    pub(super) tolerance: f32,
+    /// Whether all depths are equal to the bit.
+    is_flat: bool,
+}
+
+/// A vertex, as the filter sees it.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(16))]
+pub(super) struct Record {
+    /// In units from the centre of the first pixel.
+    x: i32,
+    y: i32,
+    /// Less the middle.
+    depth: f32,
+    /// 0 for a vertex that is not tame: no face with such a vertex is even.
+    w: f32,
+}
+
+/// The vertices of eight faces, number by number.
+#[derive(Debug)]
+pub(super) struct Octet {
+    pub(super) x: [Eight<i32>; 3],
+    pub(super) y: [Eight<i32>; 3],
+    pub(super) depth: [Eight<f32>; 3],
+    w: [Eight<f32>; 3],
+}
+
+/// The pixels that eight faces can touch, and which way they surely turn.
+#[derive(Debug, Default)]
+pub(super) struct Boxes {
+    /// First and last.
+    pub(super) columns: [Eight<i32>; 2],
+    pub(super) rows: [Eight<i32>; 2],
+    /// 1 or -1 as `culling` has it, or 0 where it has to be asked.
+    pub(super) orientations: Eight<i32>,
+}
+
+impl Filter {
+    /// Of a mesh with these vertices.
+    pub(super) fn new<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Size) -> Self {
+        let extent = size.width.max(size.height) as u64;
+        // A coordinate stays below 2^30.
+        let bits = 30_u32.saturating_sub(extent.next_power_of_two().trailing_zeros());
+        let unit = (-f64::from(bits)).exp2();
+        let even = f64::from(EVEN * EVEN);
+        let slack = 2.0 * 193.0 / 4.0 * f64::EPSILON * even * size.width as f64 * size.height as f64;
+        let mut filter =
+            Self { bits, unit: unit as f32, slack: slack as f32, ..Self::default() };
+        filter.measure_depths(corners);
+        filter
+    }
+
+    fn measure_depths<S: Scalar<Wide = S>>(&mut self, corners: &[Corner<S>]) {
+        let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
+        let [mut are_zero, mut are_equal] = [true; 2];
+        for corner in corners {
+            let [Vertex { z, w, .. }, first] = [corner.vertex, corners[0].vertex];
+            are_zero &= z == S::ZERO;
+            are_equal &= z == first.z && w == first.w;
+            if corner.is_tame() {
+                let depth = corner.depth();
+                least = if depth < least { depth } else { least };
+                largest = if depth > largest { depth } else { largest };
+            }
+        }
+        if least <= largest {
+            self.middle = 0.5 * (least + largest);
+            self.tolerance = (0.5 * RESOLUTION * (largest - least)) as f32;
+        }
+        // So that equal depths are in doubt, unless none differs.
+        self.is_flat = are_zero || are_equal;
+        self.tolerance = if self.is_flat { 0.0 } else { self.tolerance.max(1e-30) };
+    }
+
+    /// Of a vertex.
+    #[inline(always)]
+    pub(super) fn record<S: Scalar<Wide = S>>(&self, corner: &Corner<S>) -> Record {
+        if !corner.is_tame() {
+            return Record::default();
+        }
+        // A sum that is so large that its last digit is 1: its low bits are the nearest whole number.
+        let units = f64::from(1_u32 << self.bits);
+        let whole = |pixel: f64| (pixel * units + 6_755_399_441_055_744.0).to_bits() as u32 as i32;
+        let [x, y] = corner.pixel.map(whole);
+        let depth = (corner.depth() - self.middle) as f32;
+        Record { x, y, depth, w: corner.vertex.w.to_f64() as f32 }
+    }
+
+    /// What a depth is off by at most when it was computed in wide numbers, with what it is compared with.
+    #[inline(always)]
+    pub(super) fn tolerance_at(&self, depth: f32) -> f32 {
+        self.tolerance + if self.is_flat { 0.0 } else { f32::EPSILON * 2.0 * depth.abs() }
+    }
+
+    /// A depth in wide numbers, as it is stored.
+    #[inline(always)]
+    pub(super) fn narrow(&self, depth: f64) -> f32 {
+        (depth - self.middle) as f32
+    }
+
+    /// Between which stored depths those in wide numbers surely lie above `-largest` and below `largest`, and between
+    /// which they perhaps do.
+    #[inline(always)]
+    pub(super) fn depth_ranges(&self, largest: f64) -> [[f32; 2]; 2] {
+        let rounding = f64::from(f32::EPSILON) * 2.0 * (1.0 + self.middle.abs());
+        [largest - rounding, largest + rounding].map(|end| [-end, end].map(|depth| self.narrow(depth)))
+    }
+
+    /// Units in `pixels`, rounded up, and one.
+    fn units_in(&self, pixels: f64) -> i32 {
+        (pixels / f64::from(self.unit)).ceil() as i32 + 1
+    }
+
+    /// What eight faces can touch, up to `margin` pixels beyond them, and which way they turn.
+    #[inline(always)]
+    pub(super) fn boxes(&self, octet: &Octet, size: Size, margin: f64) -> Boxes {
+        let Octet { x, y, w, .. } = octet;
+        let bits = self.bits;
+        let margin = self.units_in(margin);
+        let up = (1 << bits) - 1 - margin;
+        let last = [size.width, size.height].map(|extent| extent as i32 - 1);
+        let slack = self.slack / (self.unit * self.unit);
+        let mut boxes = Boxes::default();
+        for k in 0..EIGHT {
+            let [lx, hx] = [x[0][k].min(x[1][k]).min(x[2][k]), x[0][k].max(x[1][k]).max(x[2][k])];
+            let [ly, hy] = [y[0][k].min(y[1][k]).min(y[2][k]), y[0][k].max(y[1][k]).max(y[2][k])];
+            boxes.columns[0][k] = ((lx + up) >> bits).max(0);
+            boxes.columns[1][k] = ((hx + margin) >> bits).min(last[0]);
+            boxes.rows[0][k] = ((ly + up) >> bits).max(0);
+            boxes.rows[1][k] = ((hy + margin) >> bits).min(last[1]);
+            let [ax, ay] = [(x[1][k] - x[0][k]) as f32, (y[1][k] - y[0][k]) as f32];
+            let [bx, by] = [(x[2][k] - x[0][k]) as f32, (y[2][k] - y[0][k]) as f32];
+            // Rows go down.
+            let area = ay * bx - ax * by;
+            // Each difference is off by one unit, and terms by four roundings.
+            let bound = (ax.abs() + ay.abs() + bx.abs() + by.abs() + 2.0)
+                + 4.2 * HALF_EPSILON * ((ay * bx).abs() + (ax * by).abs())
+                + slack;
+            let least = w[0][k].min(w[1][k]).min(w[2][k]);
+            let largest = w[0][k].max(w[1][k]).max(w[2][k]);
+            let bound = if largest < EVEN * least { bound } else { f32::INFINITY };
+            boxes.orientations[k] = i32::from(area > bound) - i32::from(area < -bound);
+        }
+        boxes
+    }
+
+    /// Coordinates in pixels from the first column and row of eight boxes.
+    #[inline(always)]
+    pub(super) fn around(&self, octet: &Octet, [columns, rows]: [&Eight<i32>; 2]) -> [[Eight<f32>; 2]; 3] {
+        std::array::from_fn(|i| {
+            let mut local = [[0.0; EIGHT]; 2];
+            for k in 0..EIGHT {
+                local[0][k] = (octet.x[i][k] - (columns[k] << self.bits)) as f32 * self.unit;
+                local[1][k] = (octet.y[i][k] - (rows[k] << self.bits)) as f32 * self.unit;
+            }
+            local
+        })
+    }
+
+    /// The size beyond which edge functions are certain, for a face whose box has a larger side of `b` pixels.
+    #[inline(always)]
+    pub(super) fn edge_bound(&self, b: f32) -> f32 {
+        let side = b + 1.0;
+        (2.001 * self.unit + 17.0 * HALF_EPSILON * side) * (side + 3.5) + self.slack
+    }
+}
+
+/// The rounding of a number of 32 bits, as a share of it: 2^-24.
+pub(super) const HALF_EPSILON: f32 = 0.5 * f32::EPSILON;
+
+impl Octet {
+    /// Of eight faces.
+    #[inline(always)]
+    pub(super) fn gather(records: &[Record], faces: [[u32; 3]; EIGHT]) -> Self {
+        let zero = [0.0; EIGHT];
+        let mut octet =
+            Self { x: [[0; EIGHT]; 3], y: [[0; EIGHT]; 3], depth: [zero; 3], w: [zero; 3] };
+        for (k, face) in faces.into_iter().enumerate() {
+            for (i, vertex) in face.into_iter().enumerate() {
+                let Record { x, y, depth, w } = records[vertex as usize];
+                octet.x[i][k] = x;
+                octet.y[i][k] = y;
+                octet.depth[i][k] = depth;
+                octet.w[i][k] = w;
+            }
+        }
+        octet
+    }
+}
