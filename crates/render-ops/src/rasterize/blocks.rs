@@ -8,10 +8,11 @@
 
 use std::sync::atomic::{Ordering, compiler_fence};
 
+use pulp::Simd;
+
 use super::culling::ROUNDING_OF_PIXELS;
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet};
 use super::plane::Plane;
-use crate::order::least;
 use crate::size::Size;
 
 /// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
@@ -20,12 +21,9 @@ const PIXELS_PER_FACE: i32 = 1024;
 /// Eight faces before their pixels are visited, number by number, in pixels from the first pixel that each can touch.
 #[derive(Debug)]
 pub(super) struct SmallFaces {
-    /// The edge functions' coefficients of 1, X and Y, positive inside.
-    edges: [[Eight<f32>; 3]; 3],
-    /// The depth's coefficients.
-    plane: [Eight<f32>; 3],
-    /// The size beyond which edge functions are certain.
-    bounds: Eight<f32>,
+    /// The coefficients of 1, X and Y of the edge functions, positive inside, in units beyond which they are certain; and of
+    /// the depth.
+    lines: [[Eight<f32>; 3]; 4],
     first_columns: Eight<i32>,
     blocks: Eight<i32>,
     /// First and last, of the band.
@@ -49,9 +47,7 @@ impl SmallFaces {
         }
         let [p, q, r] = filter.around(octet, [&first, &tops]);
         let mut faces = Self {
-            edges: [[[0.0; EIGHT]; 3]; 3],
-            plane: [[0.0; EIGHT]; 3],
-            bounds: [0.0; EIGHT],
+            lines: [[[0.0; EIGHT]; 3]; 4],
             first_columns: first,
             blocks,
             rows: [tops, bottoms],
@@ -72,21 +68,20 @@ impl SmallFaces {
             };
             let bound = filter.edge_bound(side(0).max(side(1)));
             let [d, to_q, to_r] = [0, 1, 2].map(|i| octet.depth[i][k] - if i > 0 { octet.depth[0][k] } else { 0.0 });
-            let inverse = 1.0 / area;
+            let [inverse, per_bound] = [1.0 / area, 1.0 / bound];
             let [by_q, by_r] = [to_q * inverse, to_r * inverse];
             for c in 0..3 {
                 for i in 0..3 {
-                    faces.edges[i][c][k] = edges[i][c];
+                    faces.lines[i][c][k] = per_bound * edges[i][c];
                 }
                 let base = if c == 0 { d } else { 0.0 };
-                faces.plane[c][k] = base + (by_q * edges[1][c] + by_r * edges[2][c]);
+                faces.lines[3][c][k] = base + (by_q * edges[1][c] + by_r * edges[2][c]);
             }
-            faces.bounds[k] = bound;
             let range = to_q.abs().max(to_r.abs());
             let pixels = 8 * blocks[k] * (bottoms[k] - tops[k] + 1);
             faces.are_small[k] = (sign != 0.0)
                 & (area >= 16.0 * bound)
-                & (8.0 * bound * range <= 0.48 * filter.tolerance * area)
+                & (8.0 * bound * range <= 0.48 * area)
                 & (pixels <= PIXELS_PER_FACE);
         }
         faces
@@ -101,50 +96,74 @@ impl SmallFaces {
     /// Draws the `k`-th into a band's plane, whose first row is `band_top`: where it is surely nearer than what is there,
     /// `number` takes its place. Returns whether some pixel is in doubt: none of these is drawn.
     #[inline(always)]
-    pub(super) fn cover(&self, k: usize, plane: &mut Plane, band_top: usize, number: u32, tolerance: f32) -> bool {
+    pub(super) fn cover<V: Simd>(
+        &self,
+        simd: V,
+        k: usize,
+        plane: &mut Plane,
+        band_top: usize,
+        number: u32,
+        advantage: f32,
+    ) -> bool {
         let [top, bottom] = self.rows.each_ref().map(|rows| rows[k]);
         let first = self.first_columns[k] as usize;
+        let columns = EIGHT * self.blocks[k] as usize;
         let [reached, reached_end] = &mut plane.reached_by_small;
         *reached = (*reached).min(first);
-        *reached_end = (*reached_end).max(first + EIGHT * self.blocks[k] as usize);
-        let bound = self.bounds[k];
-        let mut doubts = [0_u32; EIGHT];
-        for block in 0..self.blocks[k] as usize {
-            let mut starts = [[0.0; EIGHT]; 4];
-            let mut slopes = [0.0; 4];
-            for (i, (starts, slope)) in starts.iter_mut().zip(&mut slopes).enumerate() {
-                let [one, x, y] = if i < 3 { &self.edges[i] } else { &self.plane }.each_ref().map(|lanes| lanes[k]);
-                *slope = y;
-                for lane in 0..EIGHT {
-                    starts[lane] = one + x * (EIGHT * block + lane) as f32;
-                }
+        *reached_end = (*reached_end).max(first + columns);
+        let (stride, rows) = (plane.stride, bottom + 1 - top);
+        let (depths, faces) = (&mut plane.depths[..], &mut plane.faces[..]);
+        let [a, b, c, d] = &self.lines;
+        let [mut from_start, mut x_slopes, mut y_slopes] = [[simd.splat_f32s(0.0); 4]; 3];
+        for (i, [one, x, y]) in [a, b, c, d].into_iter().enumerate() {
+            from_start[i] = simd.splat_f32s(one[k]);
+            x_slopes[i] = simd.splat_f32s(x[k]);
+            y_slopes[i] = simd.splat_f32s(y[k]);
+        }
+        let (advantage, one) = (simd.splat_f32s(advantage), simd.splat_f32s(1.0));
+        let number = simd.splat_u32s(number);
+        let mut closest = simd.splat_f32s(f32::INFINITY);
+        let mut x = lanes_of(simd);
+        for column in (0..columns).step_by(V::F32_LANES) {
+            let mut starts = from_start;
+            for i in 0..4 {
+                starts[i] = simd.mul_add_e_f32s(x_slopes[i], x, from_start[i]);
             }
-            let mut pixel = (top as usize - band_top) * plane.stride + first + EIGHT * block;
-            for row in 0..=bottom - top {
-                let y = row as f32;
-                let (Some(depths), Some(faces)) = (
-                    plane.depths[pixel..].first_chunk_mut::<EIGHT>(),
-                    plane.faces[pixel..].first_chunk_mut::<EIGHT>(),
-                ) else { break };
-                pixel += plane.stride;
+            x = simd.add_f32s(x, simd.splat_f32s(V::F32_LANES as f32));
+            let mut pixel = (top as usize - band_top) * stride + first + column;
+            let mut y = simd.splat_f32s(0.0);
+            for _ in 0..rows {
+                let within = pixel..pixel + V::F32_LANES;
+                pixel += stride;
+                let [depths] = V::as_mut_simd_f32s(&mut depths[within.clone()]).0 else { break };
+                let [faces] = V::as_mut_simd_u32s(&mut faces[within]).0 else { break };
                 let (before, face_before) = (*depths, *faces);
+                // A choice whose store goes to where it was loaded from would become a masked store, which takes
+                // long and which later loads wait for. The fence, which is no instruction, keeps them apart.
                 compiler_fence(Ordering::SeqCst);
-                let mut values = [[0.0; EIGHT]; 2];
-                for lane in 0..EIGHT {
-                    let at = |i: usize| starts[i][lane] + slopes[i] * y;
-                    values[0][lane] = least([at(0), at(1), at(2)]);
-                    values[1][lane] = at(3);
+                let mut values = starts;
+                for i in 0..4 {
+                    values[i] = simd.mul_add_e_f32s(y_slopes[i], y, starts[i]);
                 }
-                let [inside, depth] = values;
-                for lane in 0..EIGHT {
-                    let is_seen = (inside[lane] > bound) & (depth[lane] + tolerance < before[lane]);
-                    let may_be_seen = (inside[lane] >= -bound) & (depth[lane] - tolerance < before[lane]);
-                    doubts[lane] |= u32::from(may_be_seen & !is_seen);
-                    depths[lane] = if is_seen { depth[lane] } else { before[lane] };
-                    faces[lane] = if is_seen { number } else { face_before[lane] };
-                }
+                let [a, b, c, depth] = values;
+                let nearer = simd.sub_f32s(simd.sub_f32s(before, depth), advantage);
+                let inside = simd.min_f32s(simd.min_f32s(a, b), c);
+                // How surely it is seen: above 1 it is, below -1 it is not.
+                let seen = simd.min_f32s(inside, nearer);
+                let is_seen = simd.greater_than_f32s(seen, one);
+                *depths = simd.select_f32s(is_seen, depth, before);
+                *faces = simd.select_u32s(is_seen, number, face_before);
+                closest = simd.min_f32s(closest, simd.abs_f32s(seen));
+                y = simd.add_f32s(y, one);
             }
         }
-        doubts.iter().fold(0, |any, doubt| any | doubt) != 0
+        simd.reduce_min_f32s(closest) <= 1.0
     }
+}
+
+/// 0, 1, 2, ..
+#[inline(always)]
+fn lanes_of<V: Simd>(simd: V) -> V::f32s {
+    const LANES: Eight<f32> = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    simd.partial_load_f32s(&LANES[..V::F32_LANES.min(EIGHT)])
 }

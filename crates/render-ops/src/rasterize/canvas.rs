@@ -107,9 +107,9 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
+    fn with_simd<V: pulp::Simd>(self, simd: V) {
         let Self { canvas, view, faces, first, step } = self;
-        canvas.run(view, faces, (first..faces.len()).step_by(step));
+        canvas.run(simd, view, faces, (first..faces.len()).step_by(step));
     }
 }
 
@@ -154,8 +154,9 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
 
 impl<T: Scalar> Canvas<T> {
     #[inline(always)]
-    fn run(
+    fn run<V: pulp::Simd>(
         &mut self,
+        simd: V,
         view: &Prepared<'_, T>,
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
@@ -167,7 +168,7 @@ impl<T: Scalar> Canvas<T> {
         for (index, band) in bands.enumerate() {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
-            self.draw_layers(view, rows.clone(), &faces[band]);
+            self.draw_layers(simd, view, rows.clone(), &faces[band]);
             if view.sampling.has_pieces() {
                 self.resolve(view, index, rows.clone(), &faces[band]);
             }
@@ -185,7 +186,13 @@ impl<T: Scalar> Canvas<T> {
 
     /// Draws the nearest layer, or that in front, into the plane, and those behind it into theirs.
     #[inline(always)]
-    fn draw_layers(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, faces: &[u32]) {
+    fn draw_layers<V: pulp::Simd>(
+        &mut self,
+        simd: V,
+        view: &Prepared<'_, T>,
+        rows: Range<usize>,
+        faces: &[u32],
+    ) {
         for is_behind in [false, true] {
             if is_behind {
                 if self.peeling.layers.is_empty() || self.plane.is_empty() {
@@ -207,7 +214,7 @@ impl<T: Scalar> Canvas<T> {
                 let small = SmallFaces::new(&view.filter, &octet, view.size, band);
                 for k in 0..EIGHT.min(faces.len() - first) {
                     let number = (first + k) as u32;
-                    self.draw(view, rows.clone(), faces, (&small, k), number);
+                    self.draw(simd, view, rows.clone(), faces, (&small, k), number);
                     if is_behind {
                         self.sort_in(view, rows.clone(), faces, number);
                     }
@@ -247,16 +254,17 @@ impl<T: Scalar> Canvas<T> {
 
     /// Draws the face at position `number` of the band of `rows`, a lane of eight that were set up.
     #[inline(always)]
-    fn draw(
+    fn draw<V: pulp::Simd>(
         &mut self,
+        simd: V,
         view: &Prepared<'_, T>,
         rows: Range<usize>,
         faces: &[u32],
         (small, k): (&SmallFaces, usize),
         number: u32,
     ) {
-        let tolerance = view.filter.tolerance;
-        if small.is_small(k) && !small.cover(k, &mut self.plane, rows.start, number, tolerance) {
+        let advantage = view.filter.advantage();
+        if small.is_small(k) && !small.cover(simd, k, &mut self.plane, rows.start, number, advantage) {
             return;
         }
         let spans = DrawSpans { plane: &mut self.plane, view, rows, faces, number };
@@ -276,10 +284,10 @@ impl<T: Scalar> Canvas<T> {
         faces: &[u32],
     ) {
         let Self { search, bands, weights, were_settled, slot_of, .. } = self;
-        weights.clear();
-        weights.extend(faces.iter().zip(&*were_settled).map(|(&face, &was_settled)| {
-            view.weights(face as usize, was_settled)
-        }));
+        resize(weights, faces.len(), Weights::default);
+        for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
+            *weights = view.weights(face as usize, was_settled);
+        }
         let Band { pieces, piece_fragments, .. } = &mut bands[0][band_index];
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
@@ -372,10 +380,10 @@ impl<T: Scalar> Canvas<T> {
     fn sort(&mut self, view: &Prepared<'_, T>, of_band: (usize, usize), faces: &[u32]) {
         let Self { were_settled, drawn_of_slot, read, places, bands, .. } = self;
         let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[of_band.0][of_band.1];
-        own_weights.clear();
-        own_weights.extend(drawn_of_slot.iter().map(|&drawn| {
-            view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize])
-        }));
+        resize(own_weights, drawn_of_slot.len(), Weights::default);
+        for (weights, &drawn) in own_weights.iter_mut().zip(&*drawn_of_slot) {
+            *weights = view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize]);
+        }
         let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.

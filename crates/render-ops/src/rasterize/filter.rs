@@ -20,9 +20,9 @@
 //! `culling`. The w of a face's vertices are within a factor of [`EVEN`]. Then `setup`'s bound is below
 //! `65 eps W H EVEN^2 / 4`, and that of the determinant below `193 eps W H EVEN^2 / 4`, for W x H pixels.
 //!
-//! *Depths* are certain where they differ by more than the tolerance t, [`RESOLUTION`] of the largest. With a range r
-//! over the face and an area A, a depth is off by `8 bound r / A` and a few `e`: [`SmallFace`](super::blocks) asks that
-//! this is less than t / 2.
+//! *Depths* are stored in units of a tolerance t, [`RESOLUTION`] of the largest, and are certain where they differ by
+//! more than 1. With a range r over the face and an area A, a depth is off by `8 bound r / A` and a few `e`: `blocks` asks
+//! that this is less than t / 2.
 //!
 //! # Source
 //! Filters: Shewchuk, *Adaptive precision floating-point arithmetic and fast robust geometric predicates*, Discrete and
@@ -45,6 +45,9 @@ const EVEN: f32 = 4.0;
 /// Depths that differ by more than this share of the largest depth are told apart.
 const RESOLUTION: f64 = 5e-5;
 
+/// So that depths in units of the tolerance stay among numbers of 32 bits.
+const LEAST_TOLERANCE: f64 = 1e-30;
+
 /// The depth of a pixel that nothing covers.
 pub(super) const EMPTY: f32 = f32::INFINITY;
 
@@ -59,8 +62,8 @@ pub(super) struct Filter {
     slack: f32,
     /// The middle of the depths.
     middle: f64,
-    /// Depths that differ by more are told apart.
-    pub(super) tolerance: f32,
+    /// Stored depths have so many units.
+    per_depth: f64,
     /// Whether all depths are equal to the bit.
     is_flat: bool,
 }
@@ -127,11 +130,10 @@ impl Filter {
         }
         if least <= largest {
             self.middle = 0.5 * (least + largest);
-            self.tolerance = (0.5 * RESOLUTION * (largest - least)) as f32;
         }
-        // So that equal depths are in doubt, unless none differs.
+        let tolerance = 0.5 * RESOLUTION * (largest - least);
+        self.per_depth = 1.0 / if tolerance > LEAST_TOLERANCE { tolerance } else { LEAST_TOLERANCE };
         self.is_flat = are_zero || are_equal;
-        self.tolerance = if self.is_flat { 0.0 } else { self.tolerance.max(1e-30) };
     }
 
     /// Of a vertex.
@@ -144,20 +146,26 @@ impl Filter {
         let units = f64::from(1_u32 << self.bits);
         let whole = |pixel: f64| (pixel * units + 6_755_399_441_055_744.0).to_bits() as u32 as i32;
         let [x, y] = corner.pixel.map(whole);
-        let depth = (corner.depth() - self.middle) as f32;
+        let depth = self.narrow(corner.depth());
         Record { x, y, depth, w: corner.vertex.w.to_f64() as f32 }
     }
 
-    /// What a depth is off by at most when it was computed in wide numbers, with what it is compared with.
+    /// What a later face has to be nearer by, beside the tolerance: where all depths are equal, the first face wins.
+    #[inline(always)]
+    pub(super) fn advantage(&self) -> f32 {
+        if self.is_flat { 2.0 } else { 0.0 }
+    }
+
+    /// By how much a depth that was computed in wide numbers has to differ from another.
     #[inline(always)]
     pub(super) fn tolerance_at(&self, depth: f32) -> f32 {
-        self.tolerance + if self.is_flat { 0.0 } else { f32::EPSILON * 2.0 * depth.abs() }
+        1.0 + f32::EPSILON * 2.0 * depth.abs()
     }
 
     /// A depth in wide numbers, as it is stored.
     #[inline(always)]
     pub(super) fn narrow(&self, depth: f64) -> f32 {
-        (depth - self.middle) as f32
+        ((depth - self.middle) * self.per_depth) as f32
     }
 
     /// Between which stored depths those in wide numbers surely lie above `-largest` and below `largest`, and between

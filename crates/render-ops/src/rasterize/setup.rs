@@ -283,7 +283,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 
 /// What is kept of a face once it is drawn: a fraction of its [`Setup`], so that those of a band
 /// stay in a core's cache.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Weights<S> {
     /// The edge functions' coefficients, positive inside.
     pub(super) edges: [[S; 3]; 3],

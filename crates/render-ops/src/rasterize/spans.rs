@@ -29,6 +29,7 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
     #[inline(always)]
     pub(super) fn cover(&mut self, y: S, within: Range<usize>, centers: &[S], depth: impl Fn(S) -> S) {
         let filter = self.filter;
+        let advantage = filter.advantage();
         let [surely, perhaps] = filter.depth_ranges(LARGEST_DEPTH);
         let mut doubts = [0_u32; EIGHT];
         let (depths, faces) = (&mut self.depths[within.clone()], &mut self.faces[within.clone()]);
@@ -44,8 +45,9 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
                 let (own, before, face_before) = (own[lane], depths[lane], faces[lane]);
                 let tolerance = filter.tolerance_at(own);
                 let is_in = |[nearest, farthest]: [f32; 2]| (own > nearest) & (own < farthest);
-                let is_seen = is_in(surely) & (own + tolerance < before);
-                let may_be_seen = is_in(perhaps) & (own - tolerance < before);
+                let nearer = before - own - advantage;
+                let is_seen = is_in(surely) & (nearer > tolerance);
+                let may_be_seen = is_in(perhaps) & (nearer >= -tolerance);
                 doubts[lane] |= u32::from(may_be_seen & !is_seen & (face_before != self.number));
                 depths[lane] = if is_seen { own } else { before };
                 faces[lane] = if is_seen { self.number } else { face_before };
@@ -67,11 +69,12 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         let own = self.filter.narrow(value);
         let (before, face_before) = (self.depths[column], self.faces[column]);
         let tolerance = self.filter.tolerance_at(own);
-        let may_be_seen = own - tolerance < before && face_before != self.number;
+        let nearer = before - own - self.filter.advantage();
+        let may_be_seen = nearer >= -tolerance && face_before != self.number;
         if !may_be_seen || !(-LARGEST_DEPTH..=LARGEST_DEPTH).contains(&value) {
             return false;
         }
-        let is_seen = own + tolerance < before
+        let is_seen = nearer > tolerance
             || face_before == NO_FACE
             || value < (self.depth_of)(face_before, [y, x]).to_f64();
         if is_seen {

@@ -76,8 +76,10 @@ impl<T: Scalar> Visibility<T> {
         for (layer, coverage) in layers.iter_mut().enumerate() {
             let coverage = Arc::get_mut(coverage).expect("nobody else holds it");
             coverage.culled = culled;
-            coverage.orientations.clear();
-            coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
+            resize(&mut coverage.orientations, self.verdicts.len(), || 0);
+            for (orientation, verdict) in coverage.orientations.iter_mut().zip(&self.verdicts) {
+                *orientation = verdict.orientation;
+            }
             join(self.bands(layer), coverage);
             coverage.boundary.clear();
             if options.sampling.has_pieces() {
@@ -108,9 +110,14 @@ impl<T: Scalar> Visibility<T> {
         resize(records, count, Record::default);
         for_each_piece_mut(records, ITEMS_PER_PIECE, |piece, records| {
             let corners = &corners[piece * ITEMS_PER_PIECE..];
-            for (record, corner) in records.iter_mut().zip(corners) {
-                *record = filter.record(corner);
-            }
+            dispatch_256::<T, _>(
+                #[inline(always)]
+                || {
+                    for (record, corner) in records.iter_mut().zip(corners) {
+                        *record = filter.record(corner);
+                    }
+                },
+            );
         });
     }
 
