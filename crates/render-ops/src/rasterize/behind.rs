@@ -21,8 +21,9 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
+use pulp::{Simd, WithSimd};
 
-use super::filter::{EIGHT, EMPTY, Eight, Filter};
+use super::filter::{DIGITS, EIGHT, EMPTY, Eight};
 use super::plane::{NO_FACE, Plane};
 use super::prepared::Prepared;
 use super::spans::RowOfPixels;
@@ -54,8 +55,9 @@ impl Peeling {
 impl Plane {
     /// Draws the band of `rows` of a layer that was found before, which has to be drawn with the options of `view`: its
     /// faces are among `faces`, those of the band.
-    pub(super) fn draw_front<T: Scalar>(
+    pub(super) fn draw_front<T: Scalar, V: Simd>(
         &mut self,
+        simd: V,
         view: &Prepared<'_, T>,
         front: &Coverage,
         rows: Range<usize>,
@@ -78,7 +80,8 @@ impl Plane {
                 let depth_of = &|_: u32, _: [T::Wide; 2]| T::Wide::ZERO;
                 let mut pixels = RowOfPixels { depths, faces, number, filter, depth_of };
                 let edges = setup.row(view.ys[row]);
-                let reached = setup.cover_span(&edges, columns, &view.centers[..width], &mut pixels);
+                let centers = &view.centers[..width];
+                let reached = setup.cover_span(simd, &edges, columns, centers, &mut pixels);
                 self.reach(local, reached);
             }
         }
@@ -92,45 +95,38 @@ pub(super) struct SortIn<'a, D> {
     pub(super) layers: &'a mut [Plane],
     /// Rows of the band.
     pub(super) rows: Range<usize>,
-    pub(super) filter: &'a Filter,
     /// The depth of a face in wide numbers, by its position in the band, at a row of the band and a column.
     pub(super) depth_of: D,
 }
 
-impl<S: Scalar, D: Fn(u32, usize, usize) -> S> pulp::WithSimd for SortIn<'_, D> {
+impl<S: Scalar, D: Fn(u32, usize, usize) -> S> WithSimd for SortIn<'_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { drawn, front, layers, rows, filter, depth_of } = self;
+    fn with_simd<V: Simd>(self, simd: V) {
+        let Self { drawn, front, layers, rows, depth_of } = self;
         for row in rows {
             let [first, end] = drawn.take_reached(row);
             let mut deepest = 0;
-            for column in (first..end).step_by(EIGHT) {
+            for column in (first..end).step_by(V::F32_LANES) {
                 let pixel = drawn.pixels(row, [column, end]).start;
-                let (mut block, forgotten) = (drawn.block(pixel), Block::empty());
-                drawn.put(pixel, forgotten);
-                let is_behind = |block: &Block, other: &Block| {
-                    let (mut are_behind, is_settled) = block.are_behind(other, filter);
-                    if !is_settled {
-                        block.settle(other, &mut are_behind, |number, lane| {
-                            depth_of(number, row, column + lane)
-                        });
-                    }
-                    are_behind
-                };
-                let in_front = front.block(pixel);
-                block = block.or(&forgotten, is_behind(&block, &in_front));
+                let mut block = Block::read(simd, drawn, pixel);
+                let empty = Block::empty(simd);
+                empty.write(simd, drawn, pixel);
+                let in_front = Block::read(simd, front, pixel);
+                let depth_at = |number, lane| depth_of(number, row, column + lane);
+                let mut are_behind = block.are_behind(simd, &in_front, depth_at);
+                block = block.or(simd, &empty, are_behind);
                 for (number, layer) in layers.iter_mut().enumerate() {
-                    if block.is_empty() {
+                    if block.is_empty(simd) {
                         break;
                     }
                     deepest = deepest.max(number + 1);
                     // The layer keeps the nearer of both, and the other goes on.
-                    let other = layer.block(pixel);
-                    let are_behind = is_behind(&block, &other);
-                    layer.put(pixel, other.or(&block, are_behind));
-                    block = block.or(&other, are_behind);
+                    let other = Block::read(simd, layer, pixel);
+                    are_behind = block.are_behind(simd, &other, depth_at);
+                    other.or(simd, &block, are_behind).write(simd, layer, pixel);
+                    block = block.or(simd, &other, are_behind);
                 }
             }
             for layer in &mut layers[..deepest] {
@@ -143,79 +139,85 @@ impl<S: Scalar, D: Fn(u32, usize, usize) -> S> pulp::WithSimd for SortIn<'_, D> 
 
 /// The depths of neighbouring pixels, and the positions of their faces.
 #[derive(Clone, Copy)]
-struct Block {
-    depths: Eight<f32>,
-    faces: Eight<u32>,
+struct Block<V: Simd> {
+    depths: V::f32s,
+    faces: V::u32s,
 }
 
-impl Block {
+impl<V: Simd> Block<V> {
     #[inline(always)]
-    fn empty() -> Self {
-        Self { depths: [EMPTY; EIGHT], faces: [NO_FACE; EIGHT] }
+    fn empty(simd: V) -> Self {
+        Self { depths: simd.splat_f32s(EMPTY), faces: simd.splat_u32s(NO_FACE) }
     }
 
     #[inline(always)]
-    fn is_empty(&self) -> bool {
-        self.faces.iter().fold(NO_FACE, |all, face| all & face) == NO_FACE
+    fn read(simd: V, plane: &Plane, pixel: usize) -> Self {
+        let within = pixel..pixel + V::F32_LANES;
+        let depths = simd.partial_load_f32s(&plane.depths[within.clone()]);
+        Self { depths, faces: simd.partial_load_u32s(&plane.faces[within]) }
     }
 
-    /// Which of its pixels surely lie behind those of `other`, and whether no other may.
     #[inline(always)]
-    fn are_behind(&self, other: &Self, filter: &Filter) -> (Eight<u32>, bool) {
-        let mut are_behind = [0; EIGHT];
-        let mut doubts = [0_u32; EIGHT];
-        for lane in 0..EIGHT {
-            let (own, before) = (self.depths[lane], other.depths[lane]);
-            // Nothing is behind all, and behind nothing else.
-            let (is_nothing, others_is) = (own == EMPTY, before == EMPTY);
-            let tolerance = if is_nothing { 0.0 } else { filter.tolerance_at(own) };
-            let is_behind = (own - tolerance > before) & !is_nothing;
-            let may_be = (own + tolerance >= before) & !is_nothing & !others_is;
-            are_behind[lane] = u32::from(is_behind | is_nothing);
-            doubts[lane] = u32::from(may_be & !is_behind);
+    fn write(self, simd: V, plane: &mut Plane, pixel: usize) {
+        let within = pixel..pixel + V::F32_LANES;
+        simd.partial_store_f32s(&mut plane.depths[within.clone()], self.depths);
+        simd.partial_store_u32s(&mut plane.faces[within], self.faces);
+    }
+
+    #[inline(always)]
+    fn is_empty(self, simd: V) -> bool {
+        simd.reduce_min_f32s(self.depths) == EMPTY
+    }
+
+    /// Which of its pixels lie behind those of `other`; nothing lies behind everything.
+    #[inline(always)]
+    fn are_behind<S: Scalar>(
+        self,
+        simd: V,
+        other: &Self,
+        depth_of: impl Fn(u32, usize) -> S,
+    ) -> V::m32s {
+        let one = simd.splat_f32s(1.0);
+        let is_nothing = simd.equal_f32s(self.depths, simd.splat_f32s(EMPTY));
+        let tolerance = simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(self.depths), one);
+        // Above 1 it is behind, below -1 it is not.
+        let mut by = simd.div_f32s(simd.sub_f32s(self.depths, other.depths), tolerance);
+        by = simd.select_f32s(is_nothing, simd.splat_f32s(EMPTY), by);
+        if simd.reduce_min_f32s(simd.abs_f32s(by)) <= 1.0 {
+            let mut values = [EMPTY; EIGHT];
+            simd.partial_store_f32s(&mut values, by);
+            let [mut own, mut others] = [[NO_FACE; EIGHT]; 2];
+            simd.partial_store_u32s(&mut own, self.faces);
+            simd.partial_store_u32s(&mut others, other.faces);
+            settle(&mut values, [own, others], depth_of);
+            by = simd.partial_load_f32s(&values[..V::F32_LANES]);
         }
-        (are_behind, doubts.iter().fold(0, |any, doubt| any | doubt) == 0)
-    }
-
-    /// Where single precision leaves in doubt which of two is behind, by their depths in wide numbers.
-    #[cold]
-    #[inline(never)]
-    fn settle<S: Scalar>(&self, other: &Self, are_behind: &mut Eight<u32>, depth_of: impl Fn(u32, usize) -> S) {
-        for lane in 0..EIGHT {
-            let (own, before) = (self.faces[lane], other.faces[lane]);
-            if own != NO_FACE && before != NO_FACE {
-                let [depth, depth_before] = [own, before].map(|number| depth_of(number, lane).to_f64());
-                let is_behind = depth > depth_before || depth == depth_before && own > before;
-                are_behind[lane] = u32::from(is_behind);
-            }
-        }
+        simd.greater_than_f32s(by, one)
     }
 
     /// Its pixels where `are_own`, those of `other` elsewhere.
     #[inline(always)]
-    fn or(&self, other: &Self, are_own: Eight<u32>) -> Self {
-        let mut block = *other;
-        for lane in 0..EIGHT {
-            let is_own = are_own[lane] != 0;
-            block.depths[lane] = if is_own { self.depths[lane] } else { other.depths[lane] };
-            block.faces[lane] = if is_own { self.faces[lane] } else { other.faces[lane] };
-        }
-        block
+    fn or(self, simd: V, other: &Self, are_own: V::m32s) -> Self {
+        let depths = simd.select_f32s(are_own, self.depths, other.depths);
+        Self { depths, faces: simd.select_u32s(are_own, self.faces, other.faces) }
     }
 }
 
-impl Plane {
-    /// Eight pixels from `pixel` on.
-    #[inline(always)]
-    fn block(&self, pixel: usize) -> Block {
-        let eight = "a row has room for eight pixels from any of its columns";
-        let depths = *self.depths[pixel..].first_chunk().expect(eight);
-        Block { depths, faces: *self.faces[pixel..].first_chunk().expect(eight) }
-    }
-
-    #[inline(always)]
-    fn put(&mut self, pixel: usize, block: Block) {
-        self.depths[pixel..][..EIGHT].copy_from_slice(&block.depths);
-        self.faces[pixel..][..EIGHT].copy_from_slice(&block.faces);
+/// Where single precision leaves in doubt which of two faces is behind, by their depths in wide numbers.
+#[cold]
+#[inline(never)]
+fn settle<S: Scalar>(
+    values: &mut Eight<f32>,
+    [own, others]: [Eight<u32>; 2],
+    depth_of: impl Fn(u32, usize) -> S,
+) {
+    for lane in 0..EIGHT {
+        if values[lane].abs() <= 1.0 {
+            let [depth, depth_before] =
+                [own[lane], others[lane]].map(|number| depth_of(number, lane).to_f64());
+            let is_behind =
+                depth > depth_before || depth == depth_before && own[lane] > others[lane];
+            values[lane] = if is_behind { EMPTY } else { -EMPTY };
+        }
     }
 }

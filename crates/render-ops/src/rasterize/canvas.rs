@@ -129,7 +129,7 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) -> bool {
+    fn with_simd<V: pulp::Simd>(self, simd: V) -> bool {
         let Self { plane, view, rows, faces, number } = self;
         let face = faces[number as usize] as usize;
         let [columns, rows_of_face] = view.touched(face, &rows);
@@ -145,7 +145,7 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
             let (filter, depth_of) = (&view.filter, &depth_of);
             let mut pixels = RowOfPixels { depths, faces, number, filter, depth_of };
             let edges = setup.row(view.ys[row]);
-            let reached = setup.cover_span(&edges, columns, centers, &mut pixels);
+            let reached = setup.cover_span(simd, &edges, columns, centers, &mut pixels);
             plane.reach(local, reached);
         }
         setup.has_uncertain()
@@ -203,7 +203,7 @@ impl<T: Scalar> Canvas<T> {
             self.were_settled.clear();
             self.were_settled.resize(faces.len(), false);
             if !is_behind && let Some(front) = view.front {
-                self.plane.draw_front(view, front, rows.clone(), faces);
+                self.plane.draw_front(simd, view, front, rows.clone(), faces);
                 continue;
             }
             let band = [rows.start, rows.end - 1];
@@ -234,8 +234,8 @@ impl<T: Scalar> Canvas<T> {
             let face = faces[number as usize] as usize;
             view.setup(face).depth_at(view.ys[rows.start + local], view.centers[column])
         };
-        let work = SortIn { drawn: plane, front, layers, rows: local, filter: &view.filter, depth_of };
-        crate::dispatch::dispatch_256::<T, _>(work);
+        let work = SortIn { drawn: plane, front, layers, rows: local, depth_of };
+        dispatch_256::<T, _>(work);
     }
 
     /// Exchanges what was drawn and what is kept of its faces for the layer in front.
@@ -268,7 +268,7 @@ impl<T: Scalar> Canvas<T> {
             return;
         }
         let spans = DrawSpans { plane: &mut self.plane, view, rows, faces, number };
-        if crate::dispatch::dispatch::<T, _>(spans) {
+        if dispatch_256::<T, _>(spans) {
             self.were_settled[number as usize] = true;
         }
     }

@@ -46,10 +46,10 @@ const EVEN: f32 = 4.0;
 const RESOLUTION: f64 = 5e-5;
 
 /// So that depths in units of the tolerance stay among numbers of 32 bits.
-const LEAST_TOLERANCE: f64 = 1e-30;
+const LEAST_TOLERANCE: f64 = 1e-20;
 
-/// The depth of a pixel that nothing covers.
-pub(super) const EMPTY: f32 = f32::INFINITY;
+/// The depth of a pixel that nothing covers: far beyond any other.
+pub(super) const EMPTY: f32 = 1e30;
 
 /// What the filter measures with, for one mesh in one image.
 #[derive(Debug, Clone, Copy, Default)]
@@ -159,7 +159,7 @@ impl Filter {
     /// By how much a depth that was computed in wide numbers has to differ from another.
     #[inline(always)]
     pub(super) fn tolerance_at(&self, depth: f32) -> f32 {
-        1.0 + f32::EPSILON * 2.0 * depth.abs()
+        1.0 + DIGITS * depth.abs()
     }
 
     /// A depth in wide numbers, as it is stored.
@@ -168,12 +168,11 @@ impl Filter {
         ((depth - self.middle) * self.per_depth) as f32
     }
 
-    /// Between which stored depths those in wide numbers surely lie above `-largest` and below `largest`, and between
-    /// which they perhaps do.
+    /// What the distance of a stored depth to a plane of the view, which is -1 or 1, is multiplied by, so that its sign is
+    /// certain where the product is above 1 or below -1.
     #[inline(always)]
-    pub(super) fn depth_ranges(&self, largest: f64) -> [[f32; 2]; 2] {
-        let rounding = f64::from(f32::EPSILON) * 2.0 * (1.0 + self.middle.abs());
-        [largest - rounding, largest + rounding].map(|end| [-end, end].map(|depth| self.narrow(depth)))
+    pub(super) fn certainty_of_range(&self) -> f32 {
+        1.0 / (DIGITS * (self.narrow(1.0).abs() + self.narrow(-1.0).abs()))
     }
 
     /// Units in `pixels`, rounded up, and one.
@@ -234,6 +233,9 @@ impl Filter {
         (2.001 * self.unit + 17.0 * HALF_EPSILON * side) * (side + 3.5) + self.slack
     }
 }
+
+/// Four times the rounding of a number of 32 bits, as a share of it: what stored depths are off by, and more.
+pub(super) const DIGITS: f32 = 2.0 * f32::EPSILON;
 
 /// The rounding of a number of 32 bits, as a share of it: 2^-24.
 pub(super) const HALF_EPSILON: f32 = 0.5 * f32::EPSILON;

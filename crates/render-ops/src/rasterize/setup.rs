@@ -24,6 +24,7 @@
 //! rounded.
 
 use bokashi_core::Scalar;
+use pulp::Simd;
 
 use super::culling::Corner;
 use super::spans::RowOfPixels;
@@ -211,8 +212,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Draws a row of pixels among `columns`, first and end: where it is nearer than what is in `pixels`, it takes its
     /// place. Returns columns, first and end, beyond which it covers nothing.
     #[inline(always)]
-    pub(super) fn cover_span(
+    pub(super) fn cover_span<V: Simd>(
         &mut self,
+        simd: V,
         row: &Row<S>,
         columns: [usize; 2],
         centers: &[S],
@@ -227,9 +229,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         match self.plane {
             Some(plane) => {
                 let [start, slope] = along(plane, row.y);
-                pixels.cover(row.y, within, centers, |x| start + slope * x);
+                pixels.cover(simd, row.y, within, centers, |x| start + slope * x);
             }
-            None => pixels.cover(row.y, within, centers, |x| self.depth(row.values_at(x))),
+            None => pixels.cover(simd, row.y, within, centers, |x| self.depth(row.values_at(x))),
         }
         // The few at both ends where an edge function may be rounding alone.
         for column in (first..inside).chain(inside_end..end) {

@@ -4,10 +4,12 @@
 //! So a pixel sees the face of the least depth in wide numbers, and of equal ones the first.
 
 use std::ops::Range;
+use std::sync::atomic::{Ordering, compiler_fence};
 
 use bokashi_core::Scalar;
+use pulp::Simd;
 
-use super::filter::{EIGHT, Eight, Filter};
+use super::filter::{DIGITS, EIGHT, Filter};
 use super::plane::NO_FACE;
 
 /// Pixels of a row of a plane, into which a face is drawn.
@@ -27,36 +29,50 @@ const LARGEST_DEPTH: f64 = 1.0;
 impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
     /// Draws the columns `within`, which the face surely covers, where it is nearer.
     #[inline(always)]
-    pub(super) fn cover(&mut self, y: S, within: Range<usize>, centers: &[S], depth: impl Fn(S) -> S) {
+    pub(super) fn cover<V: Simd>(
+        &mut self,
+        simd: V,
+        y: S,
+        within: Range<usize>,
+        centers: &[S],
+        depth: impl Fn(S) -> S,
+    ) {
         let filter = self.filter;
-        let advantage = filter.advantage();
-        let [surely, perhaps] = filter.depth_ranges(LARGEST_DEPTH);
-        let mut doubts = [0_u32; EIGHT];
+        let [nearest, farthest] =
+            [-LARGEST_DEPTH, LARGEST_DEPTH].map(|depth| simd.splat_f32s(filter.narrow(depth)));
+        let certainty = simd.splat_f32s(filter.certainty_of_range());
+        let advantage = simd.splat_f32s(filter.advantage());
+        let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));
+        let mut closest = simd.splat_f32s(f32::INFINITY);
         let (depths, faces) = (&mut self.depths[within.clone()], &mut self.faces[within.clone()]);
-        let (depth_blocks, depths) = depths.as_chunks_mut::<EIGHT>();
-        let (face_blocks, _) = faces.as_chunks_mut::<EIGHT>();
-        let center_blocks = centers[within.clone()].as_chunks::<EIGHT>().0;
-        for ((depths, faces), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks) {
-            let mut own: Eight<f32> = [0.0; EIGHT];
-            for lane in 0..EIGHT {
-                own[lane] = filter.narrow(depth(x[lane]).to_f64());
+        let (depth_blocks, rest) = V::as_mut_simd_f32s(depths);
+        let face_blocks = V::as_mut_simd_u32s(faces).0;
+        let rest = within.end - rest.len();
+        let mut own = [0.0; EIGHT];
+        let own = &mut own[..V::F32_LANES];
+        for ((depths, faces), x) in
+            depth_blocks.iter_mut().zip(face_blocks).zip(centers[within.clone()].chunks_exact(V::F32_LANES))
+        {
+            for (own, &x) in own.iter_mut().zip(x) {
+                *own = filter.narrow(depth(x).to_f64());
             }
-            for lane in 0..EIGHT {
-                let (own, before, face_before) = (own[lane], depths[lane], faces[lane]);
-                let tolerance = filter.tolerance_at(own);
-                let is_in = |[nearest, farthest]: [f32; 2]| (own > nearest) & (own < farthest);
-                let nearer = before - own - advantage;
-                let is_seen = is_in(surely) & (nearer > tolerance);
-                let may_be_seen = is_in(perhaps) & (nearer >= -tolerance);
-                doubts[lane] |= u32::from(may_be_seen & !is_seen & (face_before != self.number));
-                depths[lane] = if is_seen { own } else { before };
-                faces[lane] = if is_seen { self.number } else { face_before };
-            }
+            let own = simd.partial_load_f32s(own);
+            let (before, face_before) = (*depths, *faces);
+            compiler_fence(Ordering::SeqCst);
+            // How surely it is seen: above 1 it is, below -1 it is not.
+            let tolerance = simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(own), one);
+            let nearer = simd.sub_f32s(simd.sub_f32s(before, own), advantage);
+            let seen = simd.div_f32s(nearer, tolerance);
+            let behind = simd.mul_f32s(simd.sub_f32s(own, nearest), certainty);
+            let before_far = simd.mul_f32s(simd.sub_f32s(farthest, own), certainty);
+            let seen = simd.min_f32s(seen, simd.min_f32s(behind, before_far));
+            let is_seen = simd.greater_than_f32s(seen, one);
+            *depths = simd.select_f32s(is_seen, own, before);
+            *faces = simd.select_u32s(is_seen, number, face_before);
+            closest = simd.min_f32s(closest, simd.abs_f32s(seen));
         }
-        let is_settled = doubts.iter().fold(0, |any, doubt| any | doubt) == 0;
-        let rest = within.end - depths.len();
-        let first = if is_settled { rest } else { within.start };
-        for column in first..within.end {
+        let is_settled = simd.reduce_min_f32s(closest) > 1.0;
+        for column in if is_settled { rest } else { within.start }..within.end {
             let x = centers[column];
             self.cover_one(y, (column, x), depth(x));
         }
