@@ -178,11 +178,13 @@ impl<V: Simd> Block<V> {
         depth_of: impl Fn(u32, usize) -> S,
     ) -> V::m32s {
         let one = simd.splat_f32s(1.0);
-        let is_nothing = simd.equal_f32s(self.depths, simd.splat_f32s(EMPTY));
+        let [least, most] = [-EMPTY, EMPTY].map(|by| simd.splat_f32s(by));
+        let is_nothing = simd.equal_f32s(self.depths, most);
         let tolerance = simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(self.depths), one);
         // Above 1 it is behind, below -1 it is not.
         let mut by = simd.div_f32s(simd.sub_f32s(self.depths, other.depths), tolerance);
-        by = simd.select_f32s(is_nothing, simd.splat_f32s(EMPTY), by);
+        by = simd.select_f32s(simd.equal_u32s(self.faces, other.faces), least, by);
+        by = simd.select_f32s(is_nothing, most, by);
         if simd.reduce_min_f32s(simd.abs_f32s(by)) <= 1.0 {
             let mut values = [EMPTY; EIGHT];
             simd.partial_store_f32s(&mut values, by);

@@ -11,7 +11,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use pulp::Simd;
 
 use super::culling::ROUNDING_OF_PIXELS;
-use super::filter::{Boxes, EIGHT, Eight, Filter, Octet};
+use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, first_lanes};
 use super::plane::Plane;
 use crate::size::Size;
 
@@ -123,7 +123,7 @@ impl SmallFaces {
         let (advantage, one) = (simd.splat_f32s(advantage), simd.splat_f32s(1.0));
         let number = simd.splat_u32s(number);
         let mut closest = simd.splat_f32s(f32::INFINITY);
-        let mut x = lanes_of(simd);
+        let mut x = first_lanes(simd);
         for column in (0..columns).step_by(V::F32_LANES) {
             let mut starts = from_start;
             for i in 0..4 {
@@ -159,11 +159,4 @@ impl SmallFaces {
         }
         simd.reduce_min_f32s(closest) <= 1.0
     }
-}
-
-/// 0, 1, 2, ..
-#[inline(always)]
-fn lanes_of<V: Simd>(simd: V) -> V::f32s {
-    const LANES: Eight<f32> = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-    simd.partial_load_f32s(&LANES[..V::F32_LANES.min(EIGHT)])
 }

@@ -29,6 +29,7 @@
 //! Computational Geometry 18, 1997.
 
 use bokashi_core::Scalar;
+use pulp::Simd;
 
 use super::culling::Corner;
 use crate::homogeneous::Vertex;
@@ -41,6 +42,9 @@ pub(super) type Eight<V> = [V; EIGHT];
 
 /// The w of the vertices of one face differ by less than this factor.
 const EVEN: f32 = 4.0;
+
+/// The largest depth that is drawn, and less the smallest.
+pub(super) const LARGEST_DEPTH: f64 = 1.0;
 
 /// Depths that differ by more than this share of the largest depth are told apart.
 const RESOLUTION: f64 = 5e-5;
@@ -168,11 +172,10 @@ impl Filter {
         ((depth - self.middle) * self.per_depth) as f32
     }
 
-    /// What the distance of a stored depth to a plane of the view, which is -1 or 1, is multiplied by, so that its sign is
-    /// certain where the product is above 1 or below -1.
+    /// Whether depths in wide numbers, and all between them as they are rounded, are surely drawn.
     #[inline(always)]
-    pub(super) fn certainty_of_range(&self) -> f32 {
-        1.0 / (DIGITS * (self.narrow(1.0).abs() + self.narrow(-1.0).abs()))
+    pub(super) fn is_within(&self, depths: [f64; 2]) -> bool {
+        depths.iter().all(|depth| depth.abs() < LARGEST_DEPTH * (1.0 - 1e-9))
     }
 
     /// Units in `pixels`, rounded up, and one.
@@ -239,6 +242,13 @@ pub(super) const DIGITS: f32 = 2.0 * f32::EPSILON;
 
 /// The rounding of a number of 32 bits, as a share of it: 2^-24.
 pub(super) const HALF_EPSILON: f32 = 0.5 * f32::EPSILON;
+
+/// 0, 1, 2, ..
+#[inline(always)]
+pub(super) fn first_lanes<V: Simd>(simd: V) -> V::f32s {
+    const LANES: Eight<f32> = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    simd.partial_load_f32s(&LANES[..V::F32_LANES])
+}
 
 impl Octet {
     /// Of eight faces.

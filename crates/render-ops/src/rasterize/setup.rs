@@ -231,7 +231,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 let [start, slope] = along(plane, row.y);
                 pixels.cover(simd, row.y, within, centers, |x| start + slope * x);
             }
-            None => pixels.cover(simd, row.y, within, centers, |x| self.depth(row.values_at(x))),
+            None => {
+                pixels.cover_one_by_one(row.y, within, centers, |x| self.depth(row.values_at(x)));
+            }
         }
         // The few at both ends where an edge function may be rounding alone.
         for column in (first..inside).chain(inside_end..end) {

@@ -9,7 +9,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::filter::{DIGITS, EIGHT, Filter};
+use super::filter::{Filter, LARGEST_DEPTH, first_lanes};
 use super::plane::NO_FACE;
 
 /// Pixels of a row of a plane, into which a face is drawn.
@@ -23,11 +23,8 @@ pub(super) struct RowOfPixels<'a, S> {
     pub(super) depth_of: &'a dyn Fn(u32, [S; 2]) -> S,
 }
 
-/// The largest depth that is drawn.
-const LARGEST_DEPTH: f64 = 1.0;
-
 impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
-    /// Draws the columns `within`, which the face surely covers, where it is nearer.
+    /// Draws the columns `within`, which the face surely covers, where it is nearer. Its depth is linear along them.
     #[inline(always)]
     pub(super) fn cover<V: Simd>(
         &mut self,
@@ -37,42 +34,55 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         centers: &[S],
         depth: impl Fn(S) -> S,
     ) {
+        let Some(last) = within.len().checked_sub(1) else { return };
         let filter = self.filter;
-        let [nearest, farthest] =
-            [-LARGEST_DEPTH, LARGEST_DEPTH].map(|depth| simd.splat_f32s(filter.narrow(depth)));
-        let certainty = simd.splat_f32s(filter.certainty_of_range());
-        let advantage = simd.splat_f32s(filter.advantage());
-        let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));
+        let ends = [within.start, within.end - 1].map(|column| depth(centers[column]).to_f64());
+        let [first_depth, last_depth] = ends.map(|depth| filter.narrow(depth));
+        // Single precision rounds by less than the larger of both ends does.
+        let tolerance = filter.tolerance_at(first_depth.abs().max(last_depth.abs()));
+        let slope = (last_depth - first_depth) / last.max(1) as f32;
         let mut closest = simd.splat_f32s(f32::INFINITY);
         let (depths, faces) = (&mut self.depths[within.clone()], &mut self.faces[within.clone()]);
         let (depth_blocks, rest) = V::as_mut_simd_f32s(depths);
-        let face_blocks = V::as_mut_simd_u32s(faces).0;
-        let rest = within.end - rest.len();
-        let mut own = [0.0; EIGHT];
-        let own = &mut own[..V::F32_LANES];
-        for ((depths, faces), x) in
-            depth_blocks.iter_mut().zip(face_blocks).zip(centers[within.clone()].chunks_exact(V::F32_LANES))
-        {
-            for (own, &x) in own.iter_mut().zip(x) {
-                *own = filter.narrow(depth(x).to_f64());
+        let mut rest = within.end - rest.len();
+        if filter.is_within(ends) {
+            let certainty = simd.splat_f32s(1.0 / tolerance);
+            let advantage = simd.splat_f32s(filter.advantage());
+            let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));
+            let (start, slope) = (simd.splat_f32s(first_depth), simd.splat_f32s(slope));
+            let (mut x, lanes) = (first_lanes(simd), simd.splat_f32s(V::F32_LANES as f32));
+            for (depths, faces) in depth_blocks.iter_mut().zip(V::as_mut_simd_u32s(faces).0) {
+                let (before, face_before) = (*depths, *faces);
+                compiler_fence(Ordering::SeqCst);
+                let own = simd.mul_add_e_f32s(slope, x, start);
+                // How surely it is seen: above 1 it is, below -1 it is not.
+                let nearer = simd.sub_f32s(simd.sub_f32s(before, own), advantage);
+                let seen = simd.mul_f32s(nearer, certainty);
+                let is_seen = simd.greater_than_f32s(seen, one);
+                *depths = simd.select_f32s(is_seen, own, before);
+                *faces = simd.select_u32s(is_seen, number, face_before);
+                closest = simd.min_f32s(closest, simd.abs_f32s(seen));
+                x = simd.add_f32s(x, lanes);
             }
-            let own = simd.partial_load_f32s(own);
-            let (before, face_before) = (*depths, *faces);
-            compiler_fence(Ordering::SeqCst);
-            // How surely it is seen: above 1 it is, below -1 it is not.
-            let tolerance = simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(own), one);
-            let nearer = simd.sub_f32s(simd.sub_f32s(before, own), advantage);
-            let seen = simd.div_f32s(nearer, tolerance);
-            let behind = simd.mul_f32s(simd.sub_f32s(own, nearest), certainty);
-            let before_far = simd.mul_f32s(simd.sub_f32s(farthest, own), certainty);
-            let seen = simd.min_f32s(seen, simd.min_f32s(behind, before_far));
-            let is_seen = simd.greater_than_f32s(seen, one);
-            *depths = simd.select_f32s(is_seen, own, before);
-            *faces = simd.select_u32s(is_seen, number, face_before);
-            closest = simd.min_f32s(closest, simd.abs_f32s(seen));
+            if simd.reduce_min_f32s(closest) <= 1.0 {
+                rest = within.start;
+            }
+        } else {
+            rest = within.start;
         }
-        let is_settled = simd.reduce_min_f32s(closest) > 1.0;
-        for column in if is_settled { rest } else { within.start }..within.end {
+        self.cover_one_by_one(y, rest..within.end, centers, depth);
+    }
+
+    /// Draws the columns `within`, which the face surely covers, where it is nearer.
+    #[inline(always)]
+    pub(super) fn cover_one_by_one(
+        &mut self,
+        y: S,
+        within: Range<usize>,
+        centers: &[S],
+        depth: impl Fn(S) -> S,
+    ) {
+        for column in within {
             let x = centers[column];
             self.cover_one(y, (column, x), depth(x));
         }
