@@ -93,6 +93,15 @@ impl SmallFaces {
         self.are_small[k]
     }
 
+    /// The edge functions and the depth of the `k`-th at a column and a row from its first pixel.
+    #[cfg(test)]
+    pub(super) fn values_at(&self, k: usize, [column, row]: [i32; 2]) -> [f32; 4] {
+        self.lines.map(|[one, x, y]| {
+            let start = f32::mul_add(x[k], column as f32, one[k]);
+            f32::mul_add(y[k], row as f32, start)
+        })
+    }
+
     /// Draws the `k`-th into a band's plane, whose first row is `band_top`: where it is surely nearer than what is there,
     /// `number` takes its place. Returns whether some pixel is in doubt: none of these is drawn.
     #[inline(always)]

@@ -354,15 +354,15 @@ impl<T: Scalar> Canvas<T> {
         };
         let mut start = first;
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
-        let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
-        for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
+        let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
+        for ((before, after), from) in pieces.zip((first + 1..).step_by(u32::BITS as usize)) {
             // A bit for each pixel that sees another face than the pixel before it: where runs start
             // can't be foretold, so pixels are compared all at once, and then runs visited.
             let mut changes = before
                 .iter()
                 .zip(after)
                 .enumerate()
-                .fold(0, |changes, (k, (a, b))| changes | u64::from(a != b) << k);
+                .fold(0, |changes, (k, (a, b))| changes | u32::from(a != b) << k);
             while changes != 0 {
                 let end = from + changes.trailing_zeros() as usize;
                 reader.read(faces[start], before_row + start as u32, (end - start) as u32);

@@ -242,11 +242,6 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         [first, end]
     }
 
-    #[cfg(test)]
-    pub(super) fn has_plane(&self) -> bool {
-        self.plane.is_some()
-    }
-
     /// Draws one pixel where an edge function is uncertain.
     #[cold]
     #[inline(never)]
@@ -370,4 +365,43 @@ fn plane<S: Scalar<Wide = S>>(
 #[inline(always)]
 fn along<S: Scalar>([one, x, by_y]: [S; 3], y: S) -> [S; 2] {
     [one + by_y * y, x]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::culling::Verdict;
+    use super::*;
+
+    /// Of a face that is drawn.
+    fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
+        let corners = [0, 1, 2].map(|index| Corner::new(clip.as_flattened(), index, size));
+        let corners = corners.each_ref();
+        let verdict = Verdict::from_corners(corners, [0, 1, 2], size.into(), f64::INFINITY);
+        verdict.is_drawn().then(|| Setup::new(corners, verdict.orientation, size))
+    }
+
+    #[test]
+    fn a_depth_is_linear_where_its_rounding_cannot_be_seen() {
+        let size = Size::square(16);
+        let has_plane = |clip: [[f64; 4]; 3]| setup(&clip, size).unwrap().plane.is_some();
+        let face =
+            |z: f64, w: f64| [[-0.7, -0.8, z, w], [0.8, -0.6, 0.3, 1.0], [0.1, 0.9, -0.4, 1.2]];
+        assert!(has_plane(face(0.2, 1.0)) && has_plane(face(-900.0, 1.0)));
+        // Vertex 0 behind the eye, in its plane, and too far away in depth.
+        assert!(!has_plane(face(0.2, -0.1)) && !has_plane(face(0.2, 0.0)));
+        assert!(!has_plane(face(1100.0, 1.0)) && !has_plane(face(-0.9, 1e-4)));
+        let behind = face(0.2, -0.1);
+        assert!(!has_plane([behind[1], behind[0], behind[2]]));
+        assert!(!has_plane([behind[1], behind[2], behind[0]]));
+        // Slivers of the law `a_sliver_is_seen_where_it_is_the_nearer_one`: among them are some of each kind.
+        let sliver = |width: f64| {
+            let [left, right, middle] = [-0.6875, 0.6875, 0.4375];
+            let [low, high] = [middle - 0.125 * width, middle + 0.125 * width];
+            [[left, high, 1.35, 1.0], [right, high, -0.45, 1.0], [right, low, -0.45, 1.0]]
+        };
+        assert!(has_plane(sliver(1e-4)));
+        let thin = [1e-9, 1e-10, 3e-11, 1e-11].map(|width| setup(&sliver(width), size));
+        let uncertain = thin.into_iter().flatten().filter(|setup| setup.plane.is_none());
+        assert!(uncertain.count() > 1);
+    }
 }

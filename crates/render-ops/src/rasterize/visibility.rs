@@ -265,3 +265,128 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
         counts.sampled += of_band.sampled;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+    use proptest::prelude::*;
+
+    use super::super::depth_layers;
+    use super::super::setup::Setup;
+    use super::*;
+
+    /// The faces that a pixel centre sees, by depth and then by index, in wide numbers alone.
+    fn faces_at(clip: &[f64], faces: &[[u32; 3]], [x, y]: [f64; 2], size: Size) -> Vec<usize> {
+        let mut seen: Vec<_> = faces
+            .iter()
+            .enumerate()
+            .filter_map(|(face, &vertices)| {
+                let corners = vertices.map(|vertex| Corner::new(clip, vertex, size));
+                let corners = corners.each_ref();
+                let verdict = Verdict::from_corners(corners, vertices, size.into(), f64::INFINITY);
+                let setup = Setup::new(corners, verdict.orientation, size);
+                let is_seen = verdict.is_drawn() && setup.settled(&setup.row(y), x).is_some();
+                let depth = is_seen.then(|| setup.depth_at(y, x))?;
+                (-1.0..=1.0).contains(&depth).then_some((depth, face))
+            })
+            .collect();
+        seen.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        seen.into_iter().map(|(_, face)| face).collect()
+    }
+
+    /// Vertices before the eye, some near it, and some behind.
+    fn vertex() -> impl Strategy<Value = [f64; 4]> {
+        let w = prop_oneof![3 => 0.2..2.0_f32, 1 => -1.5..0.2_f32];
+        let z = prop_oneof![3 => -0.9..0.9_f32, 1 => -3.0..3.0_f32];
+        (-1.6..1.6_f32, -1.6..1.6_f32, z, w).prop_map(|(x, y, z, w)| [x, y, z, w].map(f64::from))
+    }
+
+    /// Vertices in view, some of them close to the near or far plane.
+    fn vertex_in_view() -> impl Strategy<Value = [f64; 4]> {
+        let depth = prop_oneof![4 => -1.0..1.0_f64, 1 => -1.0..-0.9998_f64, 1 => 0.9998..1.0_f64];
+        (-1.0..1.0_f64, -1.0..1.0_f64, depth, 0.1..4.0_f64)
+            .prop_map(|(x, y, depth, w)| [w * x, w * y, w * depth, w])
+    }
+
+    /// What is done with a face: how far each of its coordinates moves, and by which power of ten.
+    type Change = ([f64; 4], f64);
+
+    fn change() -> impl Strategy<Value = Change> {
+        (prop::array::uniform4(-1.0..1.0_f64), -12.0..-1.0_f64)
+    }
+
+    /// Three vertices; slivers with a vertex beside the line between the others; vertices on pixel centres of an image
+    /// of 16 x 16 pixels, or a little beside; and small faces.
+    fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
+        let sliver = (vertex_in_view(), vertex_in_view(), 0.0..1.0_f64, change()).prop_map(
+            |(p, q, along, (by, digits))| {
+                let moved = |k: usize| p[k] + along * (q[k] - p[k]) + by[k] * f64::powf(10.0, digits);
+                [p, q, std::array::from_fn(moved)]
+            },
+        );
+        let on_center = (0..16_u8, 0..16_u8, -0.9..0.9_f64, change()).prop_map(
+            |(x, y, z, (by, digits))| {
+                let off = f64::powf(10.0, digits);
+                let [x, y] = [x, y].map(|at| f64::from(at) / 8.0 - 0.9375);
+                [x + by[0] * off, y + by[1] * off, z, 1.0]
+            },
+        );
+        let corner = prop::array::uniform4(-0.1..0.1_f64);
+        let small = (vertex_in_view(), prop::array::uniform3(corner)).prop_map(|(p, by)| {
+            by.map(|by| std::array::from_fn(|k| p[k] * (1.0 - 0.1) + p[3] * if k < 3 { by[k] } else { 0.0 }))
+        });
+        prop_oneof![
+            prop::array::uniform3(vertex()),
+            prop::array::uniform3(vertex_in_view()),
+            prop::array::uniform3(prop_oneof![vertex(), on_center]),
+            sliver,
+            small,
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+        /// So single precision decides nothing that wide numbers would decide otherwise.
+        #[test]
+        fn layers_are_those_of_wide_numbers(
+            own in prop::collection::vec(face(), 1..5),
+            // Faces once more, a little moved or only in depth: in front, behind, or through each other.
+            again in prop::collection::vec((0..5_usize, change(), any::<bool>()), 0..4),
+            is_flat in prop::bool::weighted(0.1),
+            (width, height) in prop_oneof![
+                (1..22_usize, 1..17_usize),
+                Just((16, 16)),
+                (1000..5000_usize, 1..3_usize),
+            ],
+        ) {
+            let mut faces = own;
+            for (index, (by, digits), is_depth) in again {
+                let off = f64::powf(10.0, digits);
+                let change = |vertex: [f64; 4]| std::array::from_fn(|k| {
+                    let is_moved = !is_depth || k == 2;
+                    vertex[k] + if is_moved { by[k] * off } else { 0.0 }
+                });
+                faces.push(faces[index % faces.len()].map(change));
+            }
+            let mut clip = faces.as_flattened().to_vec();
+            if is_flat {
+                clip.iter_mut().for_each(|vertex| vertex[2] = 0.0);
+            }
+            let clip = clip.as_flattened();
+            let size = Size { width, height };
+            let indices: Vec<_> = (0..faces.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+            let mesh = Mesh::new(indices.clone(), clip.len() / 4).unwrap();
+            let tape = Tape::new();
+            let clip_var = tape.constant(&Tensor::new([clip.len() / 4, 4], clip.to_vec()).unwrap());
+            let layers = depth_layers(clip_var, &mesh, size, None).unwrap();
+            for pixel in 0..size.pixels() {
+                let expected = faces_at(clip, &indices, size.center(pixel), size);
+                let found: Vec<_> =
+                    layers.iter().map_while(|layer| layer.coverage.face_at(pixel)).collect();
+                prop_assert_eq!(found, expected, "at pixel {}", pixel);
+            }
+        }
+    }
+}
+
