@@ -180,7 +180,8 @@ impl<V: Simd> Block<V> {
         let one = simd.splat_f32s(1.0);
         let [least, most] = [-EMPTY, EMPTY].map(|by| simd.splat_f32s(by));
         let is_nothing = simd.equal_f32s(self.depths, most);
-        let tolerance = simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(self.depths), one);
+        let tolerance =
+            simd.mul_add_e_f32s(simd.splat_f32s(DIGITS), simd.abs_f32s(self.depths), one);
         // Above 1 it is behind, below -1 it is not.
         let mut by = simd.div_f32s(simd.sub_f32s(self.depths, other.depths), tolerance);
         by = simd.select_f32s(simd.equal_u32s(self.faces, other.faces), least, by);

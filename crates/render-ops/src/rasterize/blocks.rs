@@ -67,7 +67,8 @@ impl SmallFaces {
                 p.max(q).max(r) - p.min(q).min(r)
             };
             let bound = filter.edge_bound(side(0).max(side(1)));
-            let [d, to_q, to_r] = [0, 1, 2].map(|i| octet.depth[i][k] - if i > 0 { octet.depth[0][k] } else { 0.0 });
+            let [d, to_q, to_r] =
+                [0, 1, 2].map(|i| octet.depth[i][k] - if i > 0 { octet.depth[0][k] } else { 0.0 });
             let [inverse, per_bound] = [1.0 / area, 1.0 / bound];
             let [by_q, by_r] = [to_q * inverse, to_r * inverse];
             for c in 0..3 {

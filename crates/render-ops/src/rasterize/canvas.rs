@@ -264,7 +264,9 @@ impl<T: Scalar> Canvas<T> {
         number: u32,
     ) {
         let advantage = view.filter.advantage();
-        if small.is_small(k) && !small.cover(simd, k, &mut self.plane, rows.start, number, advantage) {
+        if small.is_small(k)
+            && !small.cover(simd, k, &mut self.plane, rows.start, number, advantage)
+        {
             return;
         }
         let spans = DrawSpans { plane: &mut self.plane, view, rows, faces, number };

@@ -49,8 +49,8 @@ pub(super) const LARGEST_DEPTH: f64 = 1.0;
 /// Depths that differ by more than this share of the largest depth are told apart.
 const RESOLUTION: f64 = 2e-4;
 
-/// So that depths in units of the tolerance stay among numbers of 32 bits.
-const LEAST_TOLERANCE: f64 = 1e-20;
+/// Half the range of depths from which on they are told apart: in units of the tolerance they stay far below [`EMPTY`].
+const LEAST_HALF: f64 = 1e-14;
 
 /// The depth of a pixel that nothing covers: far beyond any other.
 pub(super) const EMPTY: f32 = 1e30;
@@ -112,9 +112,9 @@ impl Filter {
         let bits = 30_u32.saturating_sub(extent.next_power_of_two().trailing_zeros());
         let unit = (-f64::from(bits)).exp2();
         let even = f64::from(EVEN * EVEN);
-        let slack = 2.0 * 193.0 / 4.0 * f64::EPSILON * even * size.width as f64 * size.height as f64;
-        let mut filter =
-            Self { bits, unit: unit as f32, slack: slack as f32, ..Self::default() };
+        let slack =
+            2.0 * 193.0 / 4.0 * f64::EPSILON * even * size.width as f64 * size.height as f64;
+        let mut filter = Self { bits, unit: unit as f32, slack: slack as f32, ..Self::default() };
         filter.measure_depths(corners);
         filter
     }
@@ -135,8 +135,9 @@ impl Filter {
         if least <= largest {
             self.middle = 0.5 * (least + largest);
         }
-        let tolerance = 0.5 * RESOLUTION * (largest - least);
-        self.per_depth = 1.0 / if tolerance > LEAST_TOLERANCE { tolerance } else { LEAST_TOLERANCE };
+        // Where there is nothing to tell apart, that of all depths in view.
+        let half = 0.5 * (largest - least);
+        self.per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
         self.is_flat = are_zero || are_equal;
     }
 
@@ -172,10 +173,13 @@ impl Filter {
         ((depth - self.middle) * self.per_depth) as f32
     }
 
-    /// Whether depths in wide numbers, and all between them as they are rounded, are surely drawn.
+    /// Whether depths between two, which are wide numbers and lie on a line, are surely drawn, and can be computed in single
+    /// precision: their rounding is a small share of the tolerance.
     #[inline(always)]
-    pub(super) fn is_within(&self, depths: [f64; 2]) -> bool {
-        depths.iter().all(|depth| depth.abs() < LARGEST_DEPTH * (1.0 - 1e-9))
+    pub(super) fn is_plain(&self, ends: [f64; 2]) -> bool {
+        ends.iter().all(|&depth| {
+            depth.abs() < LARGEST_DEPTH * (1.0 - 1e-9) && DIGITS * self.narrow(depth).abs() < 0.25
+        })
     }
 
     /// Units in `pixels`, rounded up, and one.
@@ -223,7 +227,11 @@ impl Filter {
 
     /// Coordinates in pixels from the first column and row of eight boxes.
     #[inline(always)]
-    pub(super) fn around(&self, octet: &Octet, [columns, rows]: [&Eight<i32>; 2]) -> [[Eight<f32>; 2]; 3] {
+    pub(super) fn around(
+        &self,
+        octet: &Octet,
+        [columns, rows]: [&Eight<i32>; 2],
+    ) -> [[Eight<f32>; 2]; 3] {
         std::array::from_fn(|i| {
             let mut local = [[0.0; EIGHT]; 2];
             for k in 0..EIGHT {
@@ -291,8 +299,9 @@ mod tests {
 
     impl Errors {
         fn largest(self, other: Self) -> Self {
-            let [edge, area, depth] = [(self.edge, other.edge), (self.area, other.area), (self.depth, other.depth)]
-                .map(|(a, b)| a.max(b));
+            let [edge, area, depth] =
+                [(self.edge, other.edge), (self.area, other.area), (self.depth, other.depth)]
+                    .map(|(a, b)| a.max(b));
             Self { edge, area, depth }
         }
     }
@@ -324,7 +333,9 @@ mod tests {
         let units = |i: usize, axis: usize| f64::from([&octet.x, &octet.y][axis][i][0]);
         let edge = |i: usize| [0, 1].map(|axis| (units(i, axis) - units(0, axis)) as f32);
         let ([ax, ay], [bx, by]) = (edge(1), edge(2));
-        let bound = f64::from(filter.area_bound([ax, ay], [bx, by]) - filter.slack / (filter.unit * filter.unit));
+        let bound = f64::from(
+            filter.area_bound([ax, ay], [bx, by]) - filter.slack / (filter.unit * filter.unit),
+        );
         errors.area = (f64::from(ay * bx - ax * by) - area / (unit * unit)).abs() / bound;
         if boxes.orientations[0] == 0 || !small.is_small(0) {
             return errors;
@@ -339,7 +350,8 @@ mod tests {
         for row in rows.clone() {
             for column in columns.clone() {
                 let at = [f64::from(column), f64::from(row)];
-                let [a, b, c, depth] = small.values_at(0, [column - columns.start(), row - rows.start()]);
+                let [a, b, c, depth] =
+                    small.values_at(0, [column - columns.start(), row - rows.start()]);
                 let [p, q, r] = [p, q, r].map(|vertex| less(vertex, at));
                 let wide = [cross(q, r), cross(r, p), cross(p, q)].map(|edge| sign * edge);
                 for (wide, single) in wide.into_iter().zip([a, b, c]) {
@@ -371,7 +383,9 @@ mod tests {
                 let side = (extent as f64 / 2.0 - 10.0).min(30.0) * draw().powi(3) + 0.3;
                 let origin = [0; 2].map(|_| draw() * (extent as f64 - side - 3.0));
                 let corners: [[f64; 2]; 3] = [[0; 2]; 3].map(|_| {
-                    [0, 1].map(|axis: usize| ((origin[axis] + side * draw().round()) / unit).floor() * unit)
+                    [0, 1].map(|axis: usize| {
+                        ((origin[axis] + side * draw().round()) / unit).floor() * unit
+                    })
                 });
                 let depths = [0.0; 3].map(|_: f64| 0.4 * draw() * side / 30.0);
                 for halves in 0..64_u32 {
@@ -396,4 +410,3 @@ mod tests {
         assert!(worst.depth < 1.0, "{worst:?}");
     }
 }
-

@@ -245,7 +245,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Draws one pixel where an edge function is uncertain.
     #[cold]
     #[inline(never)]
-    fn cover_settled(&mut self, row: &Row<S>, (column, x): (usize, S), pixels: &mut RowOfPixels<'_, S>) {
+    fn cover_settled(
+        &mut self,
+        row: &Row<S>,
+        (column, x): (usize, S),
+        pixels: &mut RowOfPixels<'_, S>,
+    ) {
         let Some(a) = self.settled(row, x) else { return };
         self.has_uncertain |= pixels.cover_one(row.y, (column, x), self.depth(a));
     }

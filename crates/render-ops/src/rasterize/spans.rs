@@ -38,14 +38,13 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         let filter = self.filter;
         let ends = [within.start, within.end - 1].map(|column| depth(centers[column]).to_f64());
         let [first_depth, last_depth] = ends.map(|depth| filter.narrow(depth));
-        // Single precision rounds by less than the larger of both ends does.
         let tolerance = filter.tolerance_at(first_depth.abs().max(last_depth.abs()));
         let slope = (last_depth - first_depth) / last.max(1) as f32;
         let mut closest = simd.splat_f32s(f32::INFINITY);
         let (depths, faces) = (&mut self.depths[within.clone()], &mut self.faces[within.clone()]);
         let (depth_blocks, rest) = V::as_mut_simd_f32s(depths);
         let mut rest = within.end - rest.len();
-        if filter.is_within(ends) {
+        if filter.is_plain(ends) {
             let certainty = simd.splat_f32s(1.0 / tolerance);
             let advantage = simd.splat_f32s(filter.advantage());
             let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));

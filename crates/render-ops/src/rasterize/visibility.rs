@@ -320,20 +320,22 @@ mod tests {
     fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
         let sliver = (vertex_in_view(), vertex_in_view(), 0.0..1.0_f64, change()).prop_map(
             |(p, q, along, (by, digits))| {
-                let moved = |k: usize| p[k] + along * (q[k] - p[k]) + by[k] * f64::powf(10.0, digits);
+                let moved =
+                    |k: usize| p[k] + along * (q[k] - p[k]) + by[k] * f64::powf(10.0, digits);
                 [p, q, std::array::from_fn(moved)]
             },
         );
-        let on_center = (0..16_u8, 0..16_u8, -0.9..0.9_f64, change()).prop_map(
-            |(x, y, z, (by, digits))| {
+        let on_center =
+            (0..16_u8, 0..16_u8, -0.9..0.9_f64, change()).prop_map(|(x, y, z, (by, digits))| {
                 let off = f64::powf(10.0, digits);
                 let [x, y] = [x, y].map(|at| f64::from(at) / 8.0 - 0.9375);
                 [x + by[0] * off, y + by[1] * off, z, 1.0]
-            },
-        );
+            });
         let corner = prop::array::uniform4(-0.1..0.1_f64);
         let small = (vertex_in_view(), prop::array::uniform3(corner)).prop_map(|(p, by)| {
-            by.map(|by| std::array::from_fn(|k| p[k] * (1.0 - 0.1) + p[3] * if k < 3 { by[k] } else { 0.0 }))
+            by.map(|by| {
+                std::array::from_fn(|k| p[k] * (1.0 - 0.1) + p[3] * if k < 3 { by[k] } else { 0.0 })
+            })
         });
         prop_oneof![
             prop::array::uniform3(vertex()),
@@ -389,4 +391,3 @@ mod tests {
         }
     }
 }
-
