@@ -8,13 +8,9 @@
 
 use bokashi_core::Scalar;
 
-use super::pairs::{BELOW, BESIDE, Directions, Pair};
-use crate::homogeneous::{Vertex, edge, edge_error_bound, extent};
+use super::pairs::{Line, Pair, SLACK};
+use crate::homogeneous::Vertex;
 use crate::size::Size;
-
-/// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
-/// moves an edge that passes through a centre to either side of it. Then it is clamped.
-const SLACK: f64 = 1.0 / 16.0;
 
 /// One blend of neighbouring pixels across a silhouette.
 #[derive(Debug, Clone, Copy)]
@@ -64,13 +60,9 @@ struct Frame<S> {
 }
 
 impl<S: Scalar<Wide = S>> Frame<S> {
-    /// `pixel` is the row and the column of the first pixel.
-    fn new(pixel: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
-        let [mut row, mut column] = pixel;
-        if !covers_first {
-            if below { row += 1 } else { column += 1 }
-        }
-        Self { below, center: [size.center_x(column), size.center_y(row)] }
+    /// `own` is the row and the column of the pixel that the face covers.
+    fn new([row, column]: [u32; 2], below: bool, size: Size) -> Self {
+        Self { below, center: [size.center_x(column as usize), size.center_y(row as usize)] }
     }
 
     /// Scaled coordinates count 2 units a pixel and y upwards.
@@ -110,14 +102,6 @@ fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
     Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
 }
 
-/// Where the visible part of an edge with an end on either side of y = 0 crosses it. Its point there
-/// has the sign of `m / (q.y - p.y)` as its w.
-fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
-    let m = p.w * q.y - p.y * q.w;
-    let is_visible = (m > S::ZERO) == (q.y > p.y) && m != S::ZERO;
-    is_visible.then(|| crossing(p, q))
-}
-
 /// A face with a silhouette.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Outline<S> {
@@ -126,16 +110,11 @@ pub(super) struct Outline<S> {
     indices: [u32; 3],
     /// Its silhouettes, a bit for the corner that each edge faces.
     silhouettes: u8,
-    /// Those that can blend pixels beside each other, and those that can blend pixels below each other.
-    across: [u8; 2],
-    /// The edge functions of the silhouettes, as coefficients of 1, X and Y.
-    lines: [[S; 3]; 3],
-    /// More than the rounding errors of the edge functions.
-    error_bound: S,
 }
 
 impl<S: Scalar<Wide = S>> Outline<S> {
     /// Of the face of vertices `indices` of `clip: [V, 4]`.
+    #[inline(always)]
     pub(super) fn new<T: Scalar<Wide = S>>(
         clip: &[T],
         indices: [u32; 3],
@@ -143,127 +122,77 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         size: Size,
     ) -> Self {
         let (vertices, _) = Vertex::from_face(clip, indices, size);
-        let (mut lines, mut across) = ([[S::ZERO; 3]; 3], [0; 2]);
-        for corner in (0..3).filter(|corner| silhouettes & 1 << corner != 0) {
-            let ends = [vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]];
-            lines[corner] = edge(ends[0], ends[1]);
-            for (across, crosses) in across.iter_mut().zip(crosses(ends, lines[corner], size)) {
-                *across |= u8::from(crosses) << corner;
+        Self { vertices, indices, silhouettes }
+    }
+
+    /// Calls `visit` with each silhouette's corner and line, for pairs of either kind that it can blend.
+    #[inline(always)]
+    pub(super) fn for_each_line(&self, size: Size, mut visit: impl FnMut(usize, &Line)) {
+        for corner in (0..3).filter(|corner| self.silhouettes >> corner & 1 == 1) {
+            let [p, q] = [self.vertices[(corner + 1) % 3], self.vertices[(corner + 2) % 3]];
+            for line in Line::new(p, q, size).iter().flatten() {
+                visit(corner, line);
             }
         }
-        let [p, q, r] = vertices;
-        let error_bound = edge_error_bound(q, r, size)
-            + edge_error_bound(r, p, size)
-            + edge_error_bound(p, q, size);
-        Self { vertices, indices, silhouettes, across, lines, error_bound }
     }
 
-    /// Whether a silhouette can blend pixels beside each other, and pixels below each other.
-    pub(super) fn counts(&self) -> Directions {
-        let [beside, below] = self.across.map(|silhouettes| u8::from(silhouettes != 0));
-        (beside * BESIDE) | (below * BELOW)
-    }
-
-    /// Whether all silhouettes surely run along the line through two pixel centres, or pass it beyond
-    /// these and the slack: most do. Along the line an edge function changes by its slope s a unit, and so it
-    /// is zero by `|a / s|` away from the middle, where it is a.
+    /// The blend at a pair by the edge that faces a corner; `None` where it does not pass between the
+    /// centres, or where another edge is the one that lies farthest towards the other pixel.
     #[inline(always)]
-    fn misses(&self, pair: &Pair, size: Size) -> bool {
-        let (x, y) = (size.center_x::<S>(pair.column), size.center_y::<S>(pair.row));
-        // Pixels are two units wide.
-        let reach = S::from_f64(1.0 + 2.0 * SLACK);
-        let [x, y] = if pair.below { [x, y - S::ONE] } else { [x + S::ONE, y] };
-        let across = self.across[usize::from(pair.below)];
-        self.lines.iter().enumerate().all(|(corner, &[one, by_x, by_y])| {
-            let slope = if pair.below { by_y } else { by_x };
-            across & 1 << corner == 0
-                || (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.error_bound
+    pub(super) fn blend(&self, corner: usize, pair: &Pair, size: Size) -> Option<Blend<S>> {
+        let frame = Frame::<S>::new(pair.own(), pair.below, size);
+        // The line through the centres meets edges with an end on either side of it: this one, and one of
+        // the two at the third vertex.
+        let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
+        let (p, q) = (frame.local(self.vertices[j]), frame.local(self.vertices[k]));
+        let sides = [p, q].map(|end| end.y < S::ZERO);
+        if sides[0] == sides[1] {
+            return None;
+        }
+        let sign = if pair.covers_first { S::ONE } else { -S::ONE };
+        let Crossing { x, m } = visible_crossing(p, q)?;
+        // Edges closer to the direction of the pair belong to pairs in the other direction.
+        if m.abs() < (p.w * q.x - p.x * q.w).abs() {
+            return None;
+        }
+        let distance = sign * x;
+        let slack = S::from_f64(SLACK);
+        if !(distance >= -slack && distance <= S::ONE + slack) {
+            return None;
+        }
+        let third = frame.local(self.vertices[corner]);
+        let (other, met) = if (third.y < S::ZERO) == sides[0] {
+            (j, visible_crossing(q, third))
+        } else {
+            (k, visible_crossing(third, p))
+        };
+        // Of edges that are crossed at the same distance it is the first.
+        let is_behind = met.is_some_and(|Crossing { x, .. }| {
+            let other_distance = sign * x;
+            if other < corner { !(distance > other_distance) } else { other_distance > distance }
+        });
+        if is_behind {
+            return None;
+        }
+        let inside = distance.maximum_or_nan(S::ZERO).minimum_or_nan(S::ONE);
+        Some(Blend {
+            pixel: pair.row * size.width as u32 + pair.column,
+            below: pair.below,
+            covers_first: pair.covers_first,
+            edge: [self.indices[j], self.indices[k]],
+            alpha: sign * (S::from_f64(0.5) - inside),
+            clamped: inside != distance,
         })
     }
 }
 
-/// Whether a line may run more across the direction of pixels beside each other than along it, and
-/// whether more across that of pixels below each other: surely not, where its coefficients differ by more
-/// than the rounding errors of both and of [`Blend`]'s own.
+/// Where the visible part of an edge with an end on either side of y = 0 crosses it. Its point there
+/// has the sign of `m / (q.y - p.y)` as its w.
 #[inline(always)]
-fn crosses<S: Scalar<Wide = S>>(
-    [p, q]: [Vertex<S>; 2],
-    [_, by_x, by_y]: [S; 3],
-    size: Size,
-) -> [bool; 2] {
-    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
-    let noise = S::from_f64(16.0 * f64::EPSILON) * (p.w.abs() * (qx + qy) + q.w.abs() * (px + py));
-    let (by_x, by_y) = (by_x.abs(), by_y.abs());
-    [by_x + noise < by_y, by_y + noise < by_x].map(|runs_along| !runs_along)
-}
-
-/// The blend at a pair by the edges of a face which covers the first pixel or the second; `None`
-/// where none of its silhouettes passes between the centres.
-#[inline(always)]
-pub(super) fn blend<S: Scalar<Wide = S>>(
-    outline: &Outline<S>,
-    pair: &Pair,
-    covers_first: bool,
-    size: Size,
-) -> Option<Blend<S>> {
-    if outline.misses(pair, size) { None } else { looked_at(outline, pair, covers_first, size) }
-}
-
-/// [`blend`] without the shortcut.
-#[inline]
-fn looked_at<S: Scalar<Wide = S>>(
-    outline: &Outline<S>,
-    pair: &Pair,
-    covers_first: bool,
-    size: Size,
-) -> Option<Blend<S>> {
-    let &Outline { vertices, indices, silhouettes, .. } = outline;
-    let &Pair { row, column, below, .. } = pair;
-    let frame = Frame::<S>::new([row, column], below, covers_first, size);
-    // Not by `map`, which would copy them one by one.
-    let corners = [frame.local(vertices[0]), frame.local(vertices[1]), frame.local(vertices[2])];
-    // The line through the centres meets edges with an end on either side of it.
-    let [a, b, c] = [0, 1, 2].map(|k| corners[k].y < S::ZERO);
-    let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
-    if silhouettes & met == 0 {
-        return None;
-    }
-    let sign = if covers_first { S::ONE } else { -S::ONE };
-
-    // The straddling edge that lies farthest towards the neighbour: there the face ends.
-    let mut farthest: Option<(usize, S, S)> = None;
-    for corner in (0..3).filter(|corner| met & 1 << corner != 0) {
-        let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-        if let Some(Crossing { x, m }) = visible_crossing(p, q)
-            && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
-        {
-            farthest = Some((corner, sign * x, m));
-        }
-    }
-    let (corner, distance, m) = farthest?;
-    if silhouettes & 1 << corner == 0 {
-        return None;
-    }
-    let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
-    let (p, q) = (corners[j], corners[k]);
-
-    // Edges closer to the direction of the pair belong to pairs in the other direction.
-    if m.abs() < (p.w * q.x - p.x * q.w).abs() {
-        return None;
-    }
-    let slack = S::from_f64(SLACK);
-    if !(distance >= -slack && distance <= S::ONE + slack) {
-        return None;
-    }
-    let inside = distance.maximum_or_nan(S::ZERO).minimum_or_nan(S::ONE);
-    Some(Blend {
-        pixel: pair.pixels(size)[0] as u32,
-        below,
-        covers_first,
-        edge: [indices[j], indices[k]],
-        alpha: sign * (S::from_f64(0.5) - inside),
-        clamped: inside != distance,
-    })
+fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
+    let crossing = crossing(p, q);
+    let is_visible = (crossing.m > S::ZERO) == (q.y > p.y) && crossing.m != S::ZERO;
+    is_visible.then_some(crossing)
 }
 
 impl<S: Scalar<Wide = S>> Blend<S> {
@@ -279,8 +208,9 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         clip: &[T],
         size: Size,
     ) -> [[S; 3]; 2] {
-        let pixel = size.row_and_column(self.pixel as usize);
-        let frame = Frame::new(pixel, self.below, self.covers_first, size);
+        let [row, column] = size.row_and_column(self.pixel as usize).map(|index| index as u32);
+        let pair = Pair { row, column, below: self.below, covers_first: self.covers_first };
+        let frame = Frame::new(pair.own(), self.below, size);
         let [(p, p_factor), (q, q_factor)] =
             self.edge.map(|index| Vertex::from_clip(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
@@ -291,54 +221,5 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         // The factors come last: with them a gradient may be beyond the range of the numbers.
         [(p_bar, p_factor), (q_bar, q_factor)]
             .map(|(bar, factor)| frame.pull_back(bar, size).map(|bar| factor * bar))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    /// Coordinates around the image, some of them on pixel centres, some behind the eye.
-    fn vertex() -> impl Strategy<Value = [f64; 4]> {
-        let near = prop_oneof![-1.5..1.5, (-8_i32..8).prop_map(|k| f64::from(k) / 8.0)];
-        let w = prop_oneof![4 => Just(1.0), 4 => 0.1..3.0, 2 => -1.0..-0.1, 1 => Just(1e-9)];
-        (near.clone(), near, w).prop_map(|(x, y, w)| [x * w, y * w, 0.0, w])
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(4096))]
-
-        #[test]
-        fn what_misses_a_pair_blends_nothing(
-            clip in [vertex(), vertex(), vertex()],
-            silhouettes in 1_u8..8,
-            (row, column) in (0_usize..4, 0_usize..8),
-            below: bool,
-            covers_first: bool,
-        ) {
-            let size = Size { width: 9, height: 5 };
-            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
-            let pair = Pair { row, column, below, seen: [None; 2] };
-            let found = looked_at(&outline, &pair, covers_first, size);
-            prop_assert!(found.is_none() || !outline.misses(&pair, size), "{found:?}");
-        }
-    }
-
-    #[test]
-    fn a_silhouette_misses_the_pairs_that_it_does_not_pass_between() {
-        let size = Size { width: 9, height: 5 };
-        // Upright, between columns 4 and 5.
-        let clip = [[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]];
-        let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
-        for row in 0..4 {
-            for column in 0..8 {
-                let misses = [false, true].map(|below| {
-                    outline.misses(&Pair { row, column, below, seen: [None; 2] }, size)
-                });
-                assert_eq!(misses, [column != 4, true], "{row} {column}");
-            }
-        }
     }
 }

@@ -44,8 +44,8 @@ use bokashi_core::parallel::{
 };
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
-use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Directions, Pair, Rows, SeenFace};
+use self::discontinuity::{Blend, Outline};
+use self::pairs::Pair;
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
@@ -54,6 +54,7 @@ use crate::error::RenderError;
 use crate::face_sums::add_term;
 use crate::homogeneous::Vertex;
 use crate::picture::{Composite, Picture};
+use crate::runs::Run;
 use crate::size::Size;
 
 /// The picture with the silhouettes of its faces antialiased, for pictures of one fragment per pixel,
@@ -107,11 +108,11 @@ struct SavedBlends<T: Scalar> {
     shares: Vec<T>,
     /// Memory: per blend the gradients of its edge's vertices.
     bars: Vec<EdgeBars<T>>,
-    outlines: Outlines<T::Wide>,
-    /// Of pieces of the slots.
-    pieces_of_outlines: Vec<Outlines<T::Wide>>,
-    /// Of pieces of the image; where the image is not cut, the first search is of all of it.
-    searches: Vec<Search<T::Wide>>,
+    /// What is found at all silhouettes, and of pieces of the slots.
+    found: Vec<Found<T::Wide>>,
+    pieces: Vec<Vec<Found<T::Wide>>>,
+    /// Memory: the places of what is found, in order.
+    order: Vec<(u64, u32)>,
 }
 
 /// A blend at a pixel where others blend, too.
@@ -124,13 +125,14 @@ struct Joint<S> {
     sum: S,
 }
 
-/// What is found in some rows of the image, and memory.
-#[derive(Debug, Default)]
-struct Search<S> {
-    neighbors: Rows,
-    blends: Vec<Blend<S>>,
-    /// Per blend: the fragments of its two pixels.
-    fragments: Vec<[u32; 2]>,
+/// A blend, and what it is found with.
+#[derive(Debug, Clone, Copy)]
+struct Found<S> {
+    /// Its place in the order of blends.
+    place: u64,
+    blend: Blend<S>,
+    /// The fragments of its two pixels.
+    fragments: [u32; 2],
 }
 
 /// The gradients with respect to clip (x, y, w) of an edge's two vertices.
@@ -139,10 +141,9 @@ type EdgeBars<T> = [[T; 3]; 2];
 /// Blends in one piece of work: some tens of microseconds.
 const BLENDS_PER_PIECE: usize = 1 << 9;
 
-/// Rows in one piece of the search, and pixels: of a small image a few rows take less time than it
-/// takes to hand them to another thread.
-const ROWS_PER_PIECE: usize = 16;
-const PIXELS_PER_PIECE: usize = 1 << 12;
+/// Slots in one piece of the search.
+// The test of outlines in pieces repeats it.
+const SLOTS_PER_PIECE: usize = 1 << 11;
 
 /// The row of an uncovered pixel, as long as not all of them are known.
 const MISSING: u32 = u32::MAX;
@@ -150,25 +151,27 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> SavedBlends<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, outlines, pieces_of_outlines, searches, .. } = self;
-        outlines.find(pieces_of_outlines, coverage, clip);
+        let Self { blends, rows, found, pieces, order, .. } = self;
+        let view = Silhouettes { coverage, clip };
+        let count = coverage.centers.slots.len();
+        found.clear();
+        if is_shared(count, SLOTS_PER_PIECE) {
+            let work = |slots: Range<usize>, piece: &mut Vec<_>| {
+                piece.clear();
+                view.find(slots, piece);
+            };
+            merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| found.append(piece));
+        } else {
+            view.find(0..count, found);
+        }
+        order.clear();
+        order.extend((0..).zip(&*found).map(|(index, found)| (found.place, index)));
+        order.sort_unstable();
+        let found = || order.iter().map(|&(_, index)| &found[index as usize]);
         blends.clear();
+        blends.extend(found().map(|found| found.blend));
         rows.clear();
-        let view = Silhouettes { coverage, clip, outlines };
-        let (width, height) = (coverage.size().width, coverage.size().height);
-        let rows_per_piece = (PIXELS_PER_PIECE / width.max(1)).max(ROWS_PER_PIECE);
-        let piece = if is_shared(height, rows_per_piece) { rows_per_piece } else { height };
-        let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
-        merge_ranges_into(searches, height, piece, work, |search| {
-            if piece == height {
-                // There is no other search.
-                std::mem::swap(blends, &mut search.blends);
-                std::mem::swap(rows, &mut search.fragments);
-            } else {
-                blends.append(&mut search.blends);
-                rows.append(&mut search.fragments);
-            }
-        });
+        rows.extend(found().map(|found| found.fragments));
     }
 
     /// Finds the rim, and the rows of the blends' pixels.
@@ -402,150 +405,112 @@ impl<T: Scalar> SavedBlends<T> {
     }
 }
 
-/// Slots in one piece of the search for outlines.
-// The test of outlines in pieces repeats it.
-const SLOTS_PER_PIECE: usize = 1 << 11;
-
-/// The faces with a silhouette.
-#[derive(Debug, Default)]
-struct Outlines<S> {
-    outlines: Vec<Outline<S>>,
-    /// Per slot: its outline.
-    of_slot: Vec<OfSlot>,
-}
-
-/// Which outline a slot has.
-#[derive(Debug, Clone, Copy)]
-struct OfSlot {
-    /// Beyond all outlines for a face without silhouettes.
-    outline: u32,
-    face: u32,
-    /// See [`Outline::counts`].
-    counts: Directions,
-}
-
-impl<S: Scalar<Wide = S>> Outlines<S> {
-    /// Finds the outlines of all slots.
-    fn find<T: Scalar<Wide = S>>(
-        &mut self,
-        pieces: &mut Vec<Self>,
-        coverage: &Coverage,
-        clip: &[T],
-    ) {
-        let count = coverage.centers.slots.len();
-        if !is_shared(count, SLOTS_PER_PIECE) {
-            return self.find_piece(coverage, clip, 0..count);
-        }
-        self.outlines.clear();
-        self.of_slot.clear();
-        let work = |slots: Range<usize>, piece: &mut Self| piece.find_piece(coverage, clip, slots);
-        merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
-            let before = self.outlines.len() as u32;
-            self.outlines.append(&mut piece.outlines);
-            let known =
-                |slot: OfSlot| OfSlot { outline: slot.outline.saturating_add(before), ..slot };
-            self.of_slot.extend(piece.of_slot.drain(..).map(known));
-        });
-    }
-
-    fn find_piece<T: Scalar<Wide = S>>(
-        &mut self,
-        coverage: &Coverage,
-        clip: &[T],
-        slots: Range<usize>,
-    ) {
-        self.outlines.clear();
-        self.of_slot.clear();
-        self.of_slot.reserve(slots.len());
-        for slot in &coverage.centers.slots[slots] {
-            let face = slot.face as usize;
-            let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let mut of_slot = OfSlot { outline: u32::MAX, face: slot.face, counts: 0 };
-            if silhouettes != 0 {
-                let indices = coverage.mesh().faces()[face];
-                let outline = Outline::new(clip, indices, silhouettes, coverage.size());
-                of_slot.outline = self.outlines.len() as u32;
-                of_slot.counts = outline.counts();
-                self.outlines.push(outline);
-            }
-            self.of_slot.push(of_slot);
-        }
-    }
-}
-
-/// What is drawn, and the outlines.
+/// What is drawn.
 struct Silhouettes<'a, T: Scalar> {
     coverage: &'a Coverage,
     clip: &'a [T],
-    outlines: &'a Outlines<T::Wide>,
 }
 
 impl<T: Scalar> Silhouettes<'_, T> {
-    /// Finds the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
-    /// pixels.
-    fn find(&self, rows: Range<usize>, search: &mut Search<T::Wide>) {
-        let Search { neighbors, blends, fragments } = search;
-        blends.clear();
-        fragments.clear();
-        let face_of = |slot: usize| {
-            let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
-            (face, counts)
-        };
+    /// Finds the blends by the faces of some slots.
+    fn find(&self, slots: Range<usize>, found: &mut Vec<Found<T::Wide>>) {
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                neighbors.for_each_pair(
-                    self.coverage,
-                    rows,
-                    face_of,
-                    #[inline(always)]
-                    |pair| {
-                        if let Some(blend) = self.blend(&pair) {
-                            blends.push(blend);
-                            let fragment = |seen: SeenFace| seen.fragment;
-                            fragments.push(pair.seen.map(|seen| seen.map_or(MISSING, fragment)));
-                        }
-                    },
-                );
+                for slot in slots {
+                    let face = self.coverage.centers.face(slot);
+                    let silhouettes = self.coverage.silhouettes_of(face);
+                    if silhouettes != 0 {
+                        self.find_by_face(slot, face, silhouettes, found);
+                    }
+                }
             },
         );
     }
 
-    /// The outline of a face.
+    /// Finds the blends by a face with silhouettes.
     #[inline(always)]
-    fn outline(&self, SeenFace { slot, .. }: SeenFace) -> Option<&Outline<T::Wide>> {
-        self.outlines.outlines.get(self.outlines.of_slot[slot as usize].outline as usize)
-    }
-
-    /// The depth of a face at the centre of a pixel.
-    fn depth(&self, seen: SeenFace, pixel: usize) -> T::Wide {
+    fn find_by_face(
+        &self,
+        slot: usize,
+        face: usize,
+        silhouettes: u8,
+        found: &mut Vec<Found<T::Wide>>,
+    ) {
         let size = self.coverage.size();
-        if let Some(outline) = self.outline(seen) {
-            return depth_at(&outline.vertices, pixel, size);
-        }
-        let indices = self.coverage.mesh().faces()[seen.face as usize];
-        depth_at(&Vertex::from_face(self.clip, indices, size).0, pixel, size)
+        let indices = self.coverage.mesh().faces()[face];
+        let outline = Outline::new(self.clip, indices, silhouettes, size);
+        let runs = self.coverage.centers.in_slot(slot);
+        outline.for_each_line(
+            size,
+            #[inline(always)]
+            |corner, line| {
+                for run in runs {
+                    let [row, column] = size.row_and_column(run.pixel as usize);
+                    let first = column as u32;
+                    line.for_each_pair(
+                        row as u32,
+                        first..first + run.length,
+                        size,
+                        #[inline(always)]
+                        |pair| {
+                            if let Some(blend) = outline.blend(corner, &pair, size) {
+                                let fragment = run.fragment + pair.own()[1] - first;
+                                found.extend(self.seen(&outline, face, fragment, pair, blend));
+                            }
+                        },
+                    );
+                }
+            },
+        );
     }
 
-    /// The blend at a pair of pixels, where a silhouette passes between them. It is of the nearer of
-    /// two faces; where both are as near, it is of the first pixel's face.
-    #[inline(always)]
-    fn blend(&self, pair: &Pair) -> Option<Blend<T::Wide>> {
-        let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
-        let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
-        // Which face is nearer matters only where there is something to blend.
-        if blends.iter().all(Option::is_none) {
-            return None;
+    /// A blend by a face at a pair, if the other pixel sees no other face, or a farther one. Of faces
+    /// that are as near the blend is by the first pixel's.
+    fn seen(
+        &self,
+        outline: &Outline<T::Wide>,
+        face: usize,
+        fragment: u32,
+        pair: Pair,
+        blend: Blend<T::Wide>,
+    ) -> Option<Found<T::Wide>> {
+        let (coverage, size) = (self.coverage, self.coverage.size());
+        let [row, column] = pair.other();
+        let mut other_fragment = MISSING;
+        let mut is_outlined = false;
+        if let Some(run) = coverage.run_in_row(row as usize, column) {
+            let other = coverage.centers.face_of(run);
+            if other == face {
+                return None;
+            }
+            let indices = coverage.mesh().faces()[other];
+            let (vertices, _) = Vertex::from_face(self.clip, indices, size);
+            let own_depth = depth_at(&outline.vertices, pair.own(), size);
+            let other_depth = depth_at(&vertices, pair.other(), size);
+            let is_behind = if pair.covers_first {
+                other_depth < own_depth
+            } else {
+                !(own_depth < other_depth)
+            };
+            if is_behind {
+                return None;
+            }
+            let Run { pixel, fragment, .. } = *run;
+            other_fragment = fragment + (row * size.width as u32 + column - pixel);
+            is_outlined = coverage.silhouettes_of(other) != 0;
         }
-        let [pixel, other] = pair.pixels(self.coverage.size());
-        let is_behind = self.depth(second, other) < self.depth(first, pixel);
-        blends[usize::from(is_behind)]
-    }
-
-    /// The blend of the face that the first or the second pixel sees, if it is the nearer face.
-    #[inline(always)]
-    fn blend_of(&self, pair: &Pair, side: usize) -> Option<Blend<T::Wide>> {
-        blend(self.outline(pair.seen[side]?)?, pair, side == 0, self.coverage.size())
+        // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
+        // silhouettes, then the others; each from the left.
+        let kind = match pair.below {
+            false => 0,
+            true if pair.covers_first || is_outlined => 1,
+            true => 2,
+        };
+        let place = (3 * u64::from(pair.row) + kind) << 32 | u64::from(pair.column);
+        let fragments = [fragment, other_fragment];
+        let fragments = if pair.covers_first { fragments } else { [other_fragment, fragment] };
+        Some(Found { place, blend, fragments })
     }
 }
 
@@ -654,8 +619,8 @@ impl<T: Scalar> Op<T> for Antialias {
             + size_of_val(saved.rows.as_slice())
             + size_of_val(saved.steps.as_slice())
             + size_of_val(saved.joint.as_slice())
-            + size_of_val(saved.outlines.outlines.as_slice())
-            + size_of_val(saved.outlines.of_slot.as_slice())
+            + size_of_val(saved.found.as_slice())
+            + size_of_val(saved.order.as_slice())
             + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }
