@@ -121,8 +121,19 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         silhouettes: u8,
         size: Size,
     ) -> Self {
-        let (vertices, _) = Vertex::from_face(clip, indices, size);
-        Self { vertices, indices, silhouettes }
+        Self { vertices: Self::corners(clip, indices, size), indices, silhouettes }
+    }
+
+    /// The vertices `indices` of `clip: [V, 4]`.
+    #[inline(always)]
+    pub(super) fn corners<T: Scalar<Wide = S>>(
+        clip: &[T],
+        [a, b, c]: [u32; 3],
+        size: Size,
+    ) -> [Vertex<S>; 3] {
+        // Not by `map`, which would copy them one by one.
+        let vertex = |index| Vertex::from_clip(clip, index, size).0;
+        [vertex(a), vertex(b), vertex(c)]
     }
 
     /// Calls `visit` with each silhouette's corner and line, for pairs of either kind that it can blend.

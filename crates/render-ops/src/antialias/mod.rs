@@ -35,6 +35,7 @@
 
 mod discontinuity;
 mod pairs;
+mod sorting;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -46,13 +47,13 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline};
 use self::pairs::Pair;
+use self::sorting::Sorting;
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::depth_at;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
-use crate::homogeneous::Vertex;
 use crate::picture::{Composite, Picture};
 use crate::runs::Run;
 use crate::size::Size;
@@ -111,8 +112,8 @@ struct SavedBlends<T: Scalar> {
     /// What is found at all silhouettes, and of pieces of the slots.
     found: Vec<Found<T::Wide>>,
     pieces: Vec<Vec<Found<T::Wide>>>,
-    /// Memory: the places of what is found, in order.
-    order: Vec<(u64, u32)>,
+    /// Memory: the order of what is found.
+    order: Sorting,
 }
 
 /// A blend at a pixel where others blend, too.
@@ -128,8 +129,9 @@ struct Joint<S> {
 /// A blend, and what it is found with.
 #[derive(Debug, Clone, Copy)]
 struct Found<S> {
-    /// Its place in the order of blends.
-    place: u64,
+    /// What the order of blends is by: first this, see [`Silhouettes::seen`], then the column.
+    line: u32,
+    column: u32,
     blend: Blend<S>,
     /// The fragments of its two pixels.
     fragments: [u32; 2],
@@ -144,6 +146,9 @@ const BLENDS_PER_PIECE: usize = 1 << 9;
 /// Slots in one piece of the search.
 // The test of outlines in pieces repeats it.
 const SLOTS_PER_PIECE: usize = 1 << 11;
+
+/// The lines of blends in a row of the image.
+const LINES: usize = 3;
 
 /// The row of an uncovered pixel, as long as not all of them are known.
 const MISSING: u32 = u32::MAX;
@@ -164,10 +169,11 @@ impl<T: Scalar> SavedBlends<T> {
         } else {
             view.find(0..count, found);
         }
-        order.clear();
-        order.extend((0..).zip(&*found).map(|(index, found)| (found.place, index)));
-        order.sort_unstable();
-        let found = || order.iter().map(|&(_, index)| &found[index as usize]);
+        let Size { width, height } = coverage.size();
+        order.begin(found.len());
+        order.by(width, |index| found[index].column as usize);
+        order.by(LINES * height, |index| found[index].line as usize);
+        let found = || order.indices.iter().map(|&index| &found[index as usize]);
         blends.clear();
         blends.extend(found().map(|found| found.blend));
         rows.clear();
@@ -485,7 +491,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
                 return None;
             }
             let indices = coverage.mesh().faces()[other];
-            let (vertices, _) = Vertex::from_face(self.clip, indices, size);
+            let vertices = Outline::corners(self.clip, indices, size);
             let own_depth = depth_at(&outline.vertices, pair.own(), size);
             let other_depth = depth_at(&vertices, pair.other(), size);
             let is_behind = if pair.covers_first {
@@ -501,16 +507,16 @@ impl<T: Scalar> Silhouettes<'_, T> {
             is_outlined = coverage.silhouettes_of(other) != 0;
         }
         // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
-        // silhouettes, then the others; each from the left.
+        // silhouettes, then the others.
         let kind = match pair.below {
             false => 0,
             true if pair.covers_first || is_outlined => 1,
             true => 2,
         };
-        let place = (3 * u64::from(pair.row) + kind) << 32 | u64::from(pair.column);
+        let (line, column) = (LINES as u32 * pair.row + kind, pair.column);
         let fragments = [fragment, other_fragment];
         let fragments = if pair.covers_first { fragments } else { [other_fragment, fragment] };
-        Some(Found { place, blend, fragments })
+        Some(Found { line, column, blend, fragments })
     }
 }
 
@@ -620,7 +626,6 @@ impl<T: Scalar> Op<T> for Antialias {
             + size_of_val(saved.steps.as_slice())
             + size_of_val(saved.joint.as_slice())
             + size_of_val(saved.found.as_slice())
-            + size_of_val(saved.order.as_slice())
             + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }
