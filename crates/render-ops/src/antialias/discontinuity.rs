@@ -60,12 +60,14 @@ struct Frame<S> {
 }
 
 impl<S: Scalar<Wide = S>> Frame<S> {
-    /// `own` is the row and the column of the pixel that the face covers.
+    /// Around a pixel of a row and a column, which the face covers.
+    #[inline(always)]
     fn new([row, column]: [u32; 2], below: bool, size: Size) -> Self {
         Self { below, center: [size.center_x(column as usize), size.center_y(row as usize)] }
     }
 
     /// Scaled coordinates count 2 units a pixel and y upwards.
+    #[inline(always)]
     fn local(&self, vertex: Vertex<S>) -> Local<S> {
         let half = S::from_f64(0.5);
         let [x, y] = vertex.relative_to(self.center[0], self.center[1]);
@@ -78,6 +80,7 @@ impl<S: Scalar<Wide = S>> Frame<S> {
     }
 
     /// The gradient with respect to clip (x, y, w) from that with respect to local (x, y, w).
+    #[inline(always)]
     fn pull_back(&self, local_bar: [S; 3], size: Size) -> [S; 3] {
         let half = S::from_f64(0.5);
         let [along, across, w_bar] = local_bar;
@@ -97,6 +100,7 @@ struct Crossing<S> {
     m: S,
 }
 
+#[inline(always)]
 fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
     let m = p.w * q.y - p.y * q.w;
     Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
@@ -139,10 +143,16 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// Calls `visit` with each silhouette's corner and line, for pairs of either kind that it can blend.
     #[inline(always)]
     pub(super) fn for_each_line(&self, size: Size, mut visit: impl FnMut(usize, &Line)) {
-        for corner in (0..3).filter(|corner| self.silhouettes >> corner & 1 == 1) {
+        // One loop, and one place of visiting: what is inlined there is compiled once.
+        let mut rest = self.silhouettes;
+        while rest != 0 {
+            let corner = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
             let [p, q] = [self.vertices[(corner + 1) % 3], self.vertices[(corner + 2) % 3]];
-            for line in Line::new(p, q, size).iter().flatten() {
-                visit(corner, line);
+            for line in &Line::new(p, q, size) {
+                if let Some(line) = line {
+                    visit(corner, line);
+                }
             }
         }
     }
@@ -213,6 +223,7 @@ impl<S: Scalar<Wide = S>> Blend<S> {
     /// `dalpha/dx = -1` whichever pixel owns the edge, and from `x = n / m`:
     /// `dx/dx_1 = y_2 / m`, `dx/dx_2 = -y_1 / m`, `dx/dy_1 = (x w_2 - x_2) / m`,
     /// `dx/dy_2 = (x_1 - x w_1) / m`, `dx/dw_1 = -x y_2 / m`, `dx/dw_2 = x y_1 / m`.
+    #[inline(always)]
     pub(super) fn pull_back<T: Scalar<Wide = S>>(
         &self,
         alpha_bar: S,
@@ -232,5 +243,135 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         // The factors come last: with them a gradient may be beyond the range of the numbers.
         [(p_bar, p_factor), (q_bar, q_factor)]
             .map(|(bar, factor)| frame.pull_back(bar, size).map(|bar| factor * bar))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::Range;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Coordinates around the image, some of them on pixel centres, some behind the eye, some near the ends
+    /// of the range of the numbers.
+    fn vertex() -> impl Strategy<Value = [f64; 4]> {
+        let near = prop_oneof![-1.5..1.5, (-8_i32..8).prop_map(|k| f64::from(k) / 8.0)];
+        let w = prop_oneof![4 => Just(1.0), 4 => 0.1..3.0, 2 => -1.0..-0.1, 1 => Just(1e-9)];
+        let scale =
+            prop_oneof![6 => Just(1.0), 1 => Just(1e200), 1 => Just(1e-200), 1 => Just(1e59)];
+        (near.clone(), near, w, scale)
+            .prop_map(|(x, y, w, scale)| [x * w, y * w, 0.0, w].map(|number| scale * number))
+    }
+
+    /// The pairs of which one pixel lies in a run, and the other one outside of it.
+    fn pairs_of(row: u32, columns: Range<u32>, size: Size) -> Vec<Pair> {
+        let (width, height) = (size.width as u32, size.height as u32);
+        let mut pairs = Vec::new();
+        for column in columns.clone() {
+            let pair = |row, column, below, covers_first| Pair { row, column, below, covers_first };
+            if row > 0 {
+                pairs.push(pair(row - 1, column, true, false));
+            }
+            if row + 1 < height {
+                pairs.push(pair(row, column, true, true));
+            }
+            if column == columns.start && column > 0 {
+                pairs.push(pair(row, column - 1, false, false));
+            }
+            if column + 1 == columns.end && columns.end < width {
+                pairs.push(pair(row, column, false, true));
+            }
+        }
+        pairs
+    }
+
+    /// The corner that the blending edge faces, and the share, by what the operation says of all edges.
+    fn expected(outline: &Outline<f64>, pair: &Pair, size: Size) -> Option<(usize, f64)> {
+        let frame = Frame::new(pair.own(), pair.below, size);
+        let corners = outline.vertices.map(|vertex| frame.local(vertex));
+        let sign = if pair.covers_first { 1.0 } else { -1.0 };
+        let mut farthest: Option<(usize, f64, f64)> = None;
+        for corner in 0..3 {
+            let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+            if (p.y < 0.0) != (q.y < 0.0)
+                && let Some(Crossing { x, m }) = visible_crossing(p, q)
+                && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
+            {
+                farthest = Some((corner, sign * x, m));
+            }
+        }
+        let (corner, distance, m) = farthest?;
+        let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+        let is_silhouette = outline.silhouettes >> corner & 1 == 1;
+        let runs_across = m.abs() >= (p.w * q.x - p.x * q.w).abs();
+        let is_between = (-SLACK..=1.0 + SLACK).contains(&distance);
+        let alpha = sign * (0.5 - distance.clamp(0.0, 1.0));
+        (is_silhouette && runs_across && is_between).then_some((corner, alpha))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4096))]
+
+        #[test]
+        fn a_pair_is_visited_once_wherever_its_farthest_edge_blends_it_and_no_other_edge_does(
+            clip in [vertex(), vertex(), vertex()],
+            silhouettes in 1_u8..8,
+            (row, start, length) in (0_u32..5, 0_u32..9, 1_u32..9),
+            wide: bool,
+        ) {
+            let size = Size { width: if wide { 90 } else { 9 }, height: 5 };
+            let (start, length) = if wide { (10 * start, 10 * length) } else { (start, length) };
+            let columns = start..(start + length).min(size.width as u32);
+            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
+            let mut visited = Vec::new();
+            outline.for_each_line(size, |corner, line| {
+                line.for_each_pair(row, columns.clone(), size, |pair| visited.push((corner, pair)));
+            });
+            let pairs = pairs_of(row, columns, size);
+            for pair in &pairs {
+                let expected = expected(&outline, pair, size);
+                for corner in 0..3 {
+                    let count = visited.iter().filter(|&visited| *visited == (corner, *pair)).count();
+                    let blend = (silhouettes >> corner & 1 == 1)
+                        .then(|| outline.blend(corner, pair, size))
+                        .flatten();
+                    let expected = expected.filter(|expected| expected.0 == corner);
+                    prop_assert_eq!(blend.map(|blend| (corner, blend.alpha)), expected);
+                    prop_assert!(count <= 1 && (count == 1 || blend.is_none()), "{:?}", pair);
+                }
+            }
+            prop_assert!(visited.iter().all(|(_, pair)| pairs.contains(pair)));
+        }
+    }
+
+    #[test]
+    fn only_the_pairs_that_a_silhouette_passes_between_are_visited() {
+        let size = Size { width: 9, height: 5 };
+        // Upright, between columns 4 and 5; and level, between rows 2 and 3.
+        for (clip, is_upright) in [
+            ([[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]], true),
+            ([[-2.0, -0.2, 0.0, 1.0], [2.0, -0.2, 0.0, 1.0], [0.0, 3.0, 0.0, 1.0]], false),
+        ] {
+            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
+            for row in 0..5 {
+                for (start, end) in
+                    (0..9).flat_map(|end| (0..=end).map(move |start| (start, end + 1)))
+                {
+                    let mut visited = Vec::new();
+                    outline.for_each_line(size, |_, line| {
+                        line.for_each_pair(row, start..end, size, |pair| visited.push(pair));
+                    });
+                    let passes = |pair: &Pair| match is_upright {
+                        true => !pair.below && pair.column == 4,
+                        false => pair.below && pair.row == 2,
+                    };
+                    let expected: Vec<_> =
+                        pairs_of(row, start..end, size).into_iter().filter(passes).collect();
+                    assert_eq!(visited, expected, "{row} {start} {end}");
+                }
+            }
+        }
     }
 }

@@ -109,7 +109,7 @@ struct SavedBlends<T: Scalar> {
     shares: Vec<T>,
     /// Memory: per blend the gradients of its edge's vertices.
     bars: Vec<EdgeBars<T>>,
-    /// What is found at all silhouettes, and of pieces of the slots.
+    /// Memory: what is found at all silhouettes, and at those of pieces of the slots.
     found: Vec<Found<T::Wide>>,
     pieces: Vec<Vec<Found<T::Wide>>>,
     /// Memory: the order of what is found.
@@ -321,7 +321,7 @@ impl<T: Scalar> SavedBlends<T> {
         }
     }
 
-    /// The gradients of the blends' edges, in their order; of a clamped blend zeros.
+    /// The gradients of the blends' edges, in their order, as if none were clamped.
     fn pull_back(
         &self,
         out_bar: &[T],
@@ -330,37 +330,58 @@ impl<T: Scalar> SavedBlends<T> {
         size: Size,
         bars: &mut Vec<EdgeBars<T>>,
     ) {
-        bars.clear();
         bars.resize(self.blends.len(), [[T::ZERO; 3]; 2]);
         for_each_piece_mut(bars, BLENDS_PER_PIECE, |piece, bars| {
             let first = piece * BLENDS_PER_PIECE;
-            let steps = self.steps[first * channels..].chunks_exact(channels);
-            let placed = self.placed_from(first, channels).zip(steps).zip(bars);
-            for (((blend, _, target), steps), bars) in placed {
-                if blend.clamped {
-                    continue;
-                }
-                let terms = steps.iter().zip(&out_bar[target..]);
-                let alpha_bar = terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
-                *bars = blend.pull_back(alpha_bar, clip, size).map(|bar| bar.map(T::narrow));
-            }
+            dispatch_256::<T, _>(
+                #[inline(always)]
+                || {
+                    with_channels(
+                        channels,
+                        #[inline(always)]
+                        |channels| {
+                            let steps = self.steps[first * channels..].chunks_exact(channels);
+                            let placed = self.placed_from(first, channels).zip(steps);
+                            for (((blend, _, target), steps), bars) in placed.zip(&mut *bars) {
+                                let terms = steps.iter().zip(&out_bar[target..][..channels]);
+                                let alpha_bar =
+                                    terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
+                                *bars = blend
+                                    .pull_back(alpha_bar, clip, size)
+                                    .map(|bar| bar.map(T::narrow));
+                            }
+                        },
+                    );
+                },
+            );
         });
     }
 
     /// Blends pixels of `out`, which holds the aliased values.
     fn blend(&mut self, out: &mut [T], channels: usize) {
         let mut steps = std::mem::take(&mut self.steps);
-        steps.clear();
-        for (_, [first, second], _) in self.placed(channels) {
-            steps.extend((0..channels).map(|c| out[second + c] - out[first + c]));
-        }
+        steps.resize(self.blends.len() * channels, T::ZERO);
         let mut ranges = std::mem::take(&mut self.ranges);
         self.find_ranges(out, channels, &mut ranges);
-        for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels)) {
-            let alpha = T::narrow(blend.alpha);
-            let out = &mut out[target..target + channels];
-            out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
-        }
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let rows = self.rows.iter().map(|rows| rows.map(|row| row as usize * channels));
+                for (steps, [first, second]) in steps.chunks_exact_mut(channels).zip(rows) {
+                    let (from, to) = (&out[first..][..channels], &out[second..][..channels]);
+                    for ((step, &from), &to) in steps.iter_mut().zip(from).zip(to) {
+                        *step = to - from;
+                    }
+                }
+                let steps = steps.chunks_exact(channels);
+                for ((blend, _, target), steps) in self.placed(channels).zip(steps) {
+                    let alpha = T::narrow(blend.alpha);
+                    let out = &mut out[target..][..channels];
+                    out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
+                }
+            },
+        );
         let pixels = self.joint.chunk_by(|one, other| one.row == other.row);
         for (same, ranges) in pixels.zip(ranges.chunks_exact(channels.max(1))) {
             let first = same[0].row as usize * channels;
@@ -409,6 +430,12 @@ impl<T: Scalar> SavedBlends<T> {
             }
         }
     }
+}
+
+/// Runs `work` with a number of channels, which the compiler knows where it is the usual one.
+#[inline(always)]
+fn with_channels(channels: usize, mut work: impl FnMut(usize)) {
+    if channels == 3 { work(3) } else { work(channels) }
 }
 
 /// What is drawn.
@@ -473,6 +500,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
 
     /// A blend by a face at a pair, if the other pixel sees no other face, or a farther one. Of faces
     /// that are as near the blend is by the first pixel's.
+    #[inline(always)]
     fn seen(
         &self,
         outline: &Outline<T::Wide>,
@@ -592,11 +620,19 @@ impl<T: Scalar> Op<T> for Antialias {
         }
         // Last, since here the upstream gradient is changed in place, if nobody else reads it.
         let mut shares = std::mem::take(&mut saved.shares);
-        shares.clear();
-        for (blend, _, target) in saved.placed(channels) {
-            let alpha = T::narrow(blend.alpha);
-            shares.extend(out_bar[target..target + channels].iter().map(|&bar| alpha * bar));
-        }
+        shares.resize(saved.blends.len() * channels, T::ZERO);
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = shares.chunks_exact_mut(channels);
+                for ((blend, _, target), shares) in saved.placed(channels).zip(shares) {
+                    let alpha = T::narrow(blend.alpha);
+                    let bars = &out_bar[target..][..channels];
+                    shares.iter_mut().zip(bars).for_each(|(share, &bar)| *share = alpha * bar);
+                }
+            },
+        );
         match taken {
             Some(mut out_bar) => {
                 out_bar.truncate(covered);
@@ -608,15 +644,25 @@ impl<T: Scalar> Op<T> for Antialias {
             }
         }
         let values_bar = gradients.get(1).expect("it is wanted").entries();
-        for ((_, entries, _), shares) in saved.placed(channels).zip(shares.chunks_exact(channels)) {
-            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                // What leads to the background is above.
-                let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
-                    continue;
-                };
-                values_bar.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
-            }
-        }
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = shares.chunks_exact(channels);
+                for (rows, shares) in saved.rows.iter().zip(shares) {
+                    for (&row, sign) in rows.iter().zip([-T::ONE, T::ONE]) {
+                        let entry = row as usize * channels;
+                        // What leads to the background is above.
+                        let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
+                            continue;
+                        };
+                        for (bar, &share) in values_bar.iter_mut().zip(shares) {
+                            *bar += sign * share;
+                        }
+                    }
+                }
+            },
+        );
         saved.shares = shares;
     }
 
