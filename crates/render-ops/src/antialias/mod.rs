@@ -357,6 +357,46 @@ impl<T: Scalar> SavedBlends<T> {
         });
     }
 
+    /// Finds alpha times what is upstream of the blended pixels.
+    fn find_shares(&mut self, out_bar: &[T], channels: usize) {
+        let mut shares = std::mem::take(&mut self.shares);
+        shares.resize(self.blends.len() * channels, T::ZERO);
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = shares.chunks_exact_mut(channels);
+                for ((blend, _, target), shares) in self.placed(channels).zip(shares) {
+                    let alpha = T::narrow(blend.alpha);
+                    let bars = &out_bar[target..][..channels];
+                    shares.iter_mut().zip(bars).for_each(|(share, &bar)| *share = alpha * bar);
+                }
+            },
+        );
+        self.shares = shares;
+    }
+
+    /// Adds the shares to the gradient of the values of fragments. What leads to the background is in
+    /// [`SavedBlends::add_background_bars`].
+    fn add_shares(&self, channels: usize, values_bar: &mut [T]) {
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = self.shares.chunks_exact(channels);
+                for (rows, shares) in self.rows.iter().zip(shares) {
+                    for (&row, sign) in rows.iter().zip([-T::ONE, T::ONE]) {
+                        let entry = row as usize * channels;
+                        let Some(bars) = values_bar.get_mut(entry..entry + channels) else {
+                            continue;
+                        };
+                        bars.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
+                    }
+                }
+            },
+        );
+    }
+
     /// Blends pixels of `out`, which holds the aliased values.
     fn blend(&mut self, out: &mut [T], channels: usize) {
         let mut steps = std::mem::take(&mut self.steps);
@@ -619,20 +659,7 @@ impl<T: Scalar> Op<T> for Antialias {
             return;
         }
         // Last, since here the upstream gradient is changed in place, if nobody else reads it.
-        let mut shares = std::mem::take(&mut saved.shares);
-        shares.resize(saved.blends.len() * channels, T::ZERO);
-        with_channels(
-            channels,
-            #[inline(always)]
-            |channels| {
-                let shares = shares.chunks_exact_mut(channels);
-                for ((blend, _, target), shares) in saved.placed(channels).zip(shares) {
-                    let alpha = T::narrow(blend.alpha);
-                    let bars = &out_bar[target..][..channels];
-                    shares.iter_mut().zip(bars).for_each(|(share, &bar)| *share = alpha * bar);
-                }
-            },
-        );
+        saved.find_shares(out_bar, channels);
         match taken {
             Some(mut out_bar) => {
                 out_bar.truncate(covered);
@@ -643,27 +670,7 @@ impl<T: Scalar> Op<T> for Antialias {
                 values_bar.add(&kept.only_upstream()[..covered]);
             }
         }
-        let values_bar = gradients.get(1).expect("it is wanted").entries();
-        with_channels(
-            channels,
-            #[inline(always)]
-            |channels| {
-                let shares = shares.chunks_exact(channels);
-                for (rows, shares) in saved.rows.iter().zip(shares) {
-                    for (&row, sign) in rows.iter().zip([-T::ONE, T::ONE]) {
-                        let entry = row as usize * channels;
-                        // What leads to the background is above.
-                        let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
-                            continue;
-                        };
-                        for (bar, &share) in values_bar.iter_mut().zip(shares) {
-                            *bar += sign * share;
-                        }
-                    }
-                }
-            },
-        );
-        saved.shares = shares;
+        saved.add_shares(channels, gradients.get(1).expect("it is wanted").entries());
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
