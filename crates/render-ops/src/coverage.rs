@@ -205,12 +205,19 @@ impl Coverage {
         if pixel >= self.size.pixels() {
             return None;
         }
-        let [row, _] = self.size.row_and_column(pixel);
+        let [row, column] = self.size.row_and_column(pixel);
+        self.run_in_row(row, column as u32)
+    }
+
+    /// The run that covers the centre of the pixel of a row and a column.
+    #[inline]
+    pub(crate) fn run_in_row(&self, row: usize, column: u32) -> Option<&Run> {
+        let pixel = (row * self.size.width) as u32 + column;
         let runs = &self.by_pixel[self.row(row)];
         let run = |index: u32| &self.centers.runs[index as usize];
-        let after = runs.partition_point(|&index| run(index).pixel as usize <= pixel);
+        let after = runs.partition_point(|&index| run(index).pixel <= pixel);
         let run = run(runs[after.checked_sub(1)?]);
-        run.pixels().contains(&pixel).then_some(run)
+        (pixel - run.pixel < run.length).then_some(run)
     }
 
     /// Where in `by_pixel` the runs of a row are, from the left.
@@ -224,10 +231,10 @@ impl Coverage {
         self.by_pixel[self.row(row)].iter().map(|&index| &self.centers.runs[index as usize])
     }
 
-    /// [`Mesh::is_silhouette`], as the mesh is seen.
-    #[inline]
-    pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
-        self.mesh.is_silhouette(face, corner, |face| self.orientations[face])
+    /// The silhouettes of a face as the mesh is seen, a bit for the corner that each edge faces.
+    #[inline(always)]
+    pub(crate) fn silhouettes_of(&self, face: usize) -> u8 {
+        self.mesh.silhouettes_of(face, |face| self.orientations[face])
     }
 
     /// Calls `visit` with the uncovered pixels, as ranges, but for those of `rim`, which are

@@ -46,13 +46,13 @@ pub(crate) fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S
     [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
 }
 
-/// The depth z / w of a face at the centre of `pixel`.
+/// The depth z / w of a face at the centre of the pixel of a row and a column.
 pub(crate) fn depth_at<S: Scalar<Wide = S>>(
     vertices: &[Vertex<S>; 3],
-    pixel: usize,
+    [row, column]: [u32; 2],
     size: Size,
 ) -> S {
-    let [x, y] = size.center(pixel);
+    let (x, y) = (size.center_x(column as usize), size.center_y(row as usize));
     let q = vertices.map(|vertex| vertex.relative_to(x, y));
     depth_and_w(vertices, [cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1])])[0]
 }

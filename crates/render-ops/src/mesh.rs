@@ -141,6 +141,18 @@ impl Mesh {
         })
     }
 
+    /// [`Mesh::is_silhouette`] of all edges of a face: a bit for the corner that each faces.
+    #[inline(always)]
+    pub(crate) fn silhouettes_of(&self, face: usize, orientation: impl Fn(usize) -> i8) -> u8 {
+        let own = orientation(face);
+        let bit = |neighbor: &Option<Neighbor>| {
+            neighbor
+                .is_none_or(|neighbor| neighbor.is_turned(own, orientation(neighbor.face as usize)))
+        };
+        let [a, b, c] = self.adjacency().neighbors(face).each_ref().map(|it| u8::from(bit(it)));
+        a | b << 1 | c << 2
+    }
+
     /// The vertex indices of each face.
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.topology.faces

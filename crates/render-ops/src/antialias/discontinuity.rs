@@ -8,13 +8,9 @@
 
 use bokashi_core::Scalar;
 
-use super::pairs::{BELOW, BESIDE, Directions, Pair};
-use crate::homogeneous::{Vertex, edge, edge_error_bound, extent};
+use super::pairs::{Line, Pair, SLACK};
+use crate::homogeneous::Vertex;
 use crate::size::Size;
-
-/// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
-/// moves an edge that passes through a centre to either side of it. Then it is clamped.
-const SLACK: f64 = 1.0 / 16.0;
 
 /// One blend of neighbouring pixels across a silhouette.
 #[derive(Debug, Clone, Copy)]
@@ -64,16 +60,14 @@ struct Frame<S> {
 }
 
 impl<S: Scalar<Wide = S>> Frame<S> {
-    /// `pixel` is the row and the column of the first pixel.
-    fn new(pixel: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
-        let [mut row, mut column] = pixel;
-        if !covers_first {
-            if below { row += 1 } else { column += 1 }
-        }
-        Self { below, center: [size.center_x(column), size.center_y(row)] }
+    /// Around a pixel of a row and a column, which the face covers.
+    #[inline(always)]
+    fn new([row, column]: [u32; 2], below: bool, size: Size) -> Self {
+        Self { below, center: [size.center_x(column as usize), size.center_y(row as usize)] }
     }
 
     /// Scaled coordinates count 2 units a pixel and y upwards.
+    #[inline(always)]
     fn local(&self, vertex: Vertex<S>) -> Local<S> {
         let half = S::from_f64(0.5);
         let [x, y] = vertex.relative_to(self.center[0], self.center[1]);
@@ -86,6 +80,7 @@ impl<S: Scalar<Wide = S>> Frame<S> {
     }
 
     /// The gradient with respect to clip (x, y, w) from that with respect to local (x, y, w).
+    #[inline(always)]
     fn pull_back(&self, local_bar: [S; 3], size: Size) -> [S; 3] {
         let half = S::from_f64(0.5);
         let [along, across, w_bar] = local_bar;
@@ -105,17 +100,10 @@ struct Crossing<S> {
     m: S,
 }
 
+#[inline(always)]
 fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
     let m = p.w * q.y - p.y * q.w;
     Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
-}
-
-/// Where the visible part of an edge with an end on either side of y = 0 crosses it. Its point there
-/// has the sign of `m / (q.y - p.y)` as its w.
-fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
-    let m = p.w * q.y - p.y * q.w;
-    let is_visible = (m > S::ZERO) == (q.y > p.y) && m != S::ZERO;
-    is_visible.then(|| crossing(p, q))
 }
 
 /// A face with a silhouette.
@@ -126,144 +114,106 @@ pub(super) struct Outline<S> {
     indices: [u32; 3],
     /// Its silhouettes, a bit for the corner that each edge faces.
     silhouettes: u8,
-    /// Those that can blend pixels beside each other, and those that can blend pixels below each other.
-    across: [u8; 2],
-    /// The edge functions of the silhouettes, as coefficients of 1, X and Y.
-    lines: [[S; 3]; 3],
-    /// More than the rounding errors of the edge functions.
-    error_bound: S,
 }
 
 impl<S: Scalar<Wide = S>> Outline<S> {
     /// Of the face of vertices `indices` of `clip: [V, 4]`.
+    #[inline(always)]
     pub(super) fn new<T: Scalar<Wide = S>>(
         clip: &[T],
         indices: [u32; 3],
         silhouettes: u8,
         size: Size,
     ) -> Self {
-        let (vertices, _) = Vertex::from_face(clip, indices, size);
-        let (mut lines, mut across) = ([[S::ZERO; 3]; 3], [0; 2]);
-        for corner in (0..3).filter(|corner| silhouettes & 1 << corner != 0) {
-            let ends = [vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]];
-            lines[corner] = edge(ends[0], ends[1]);
-            for (across, crosses) in across.iter_mut().zip(crosses(ends, lines[corner], size)) {
-                *across |= u8::from(crosses) << corner;
+        Self { vertices: Self::corners(clip, indices, size), indices, silhouettes }
+    }
+
+    /// The vertices `indices` of `clip: [V, 4]`.
+    #[inline(always)]
+    pub(super) fn corners<T: Scalar<Wide = S>>(
+        clip: &[T],
+        [a, b, c]: [u32; 3],
+        size: Size,
+    ) -> [Vertex<S>; 3] {
+        // Not by `map`, which would copy them one by one.
+        let vertex = |index| Vertex::from_clip(clip, index, size).0;
+        [vertex(a), vertex(b), vertex(c)]
+    }
+
+    /// Calls `visit` with each silhouette's corner and line, for pairs of either kind that it can blend.
+    #[inline(always)]
+    pub(super) fn for_each_line(&self, size: Size, mut visit: impl FnMut(usize, &Line)) {
+        // One loop, and one place of visiting: what is inlined there is compiled once.
+        let mut rest = self.silhouettes;
+        while rest != 0 {
+            let corner = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let [p, q] = [self.vertices[(corner + 1) % 3], self.vertices[(corner + 2) % 3]];
+            for line in &Line::new(p, q, size) {
+                if let Some(line) = line {
+                    visit(corner, line);
+                }
             }
         }
-        let [p, q, r] = vertices;
-        let error_bound = edge_error_bound(q, r, size)
-            + edge_error_bound(r, p, size)
-            + edge_error_bound(p, q, size);
-        Self { vertices, indices, silhouettes, across, lines, error_bound }
     }
 
-    /// Whether a silhouette can blend pixels beside each other, and pixels below each other.
-    pub(super) fn counts(&self) -> Directions {
-        let [beside, below] = self.across.map(|silhouettes| u8::from(silhouettes != 0));
-        (beside * BESIDE) | (below * BELOW)
-    }
-
-    /// Whether all silhouettes surely run along the line through two pixel centres, or pass it beyond
-    /// these and the slack: most do. Along the line an edge function changes by its slope s a unit, and so it
-    /// is zero by `|a / s|` away from the middle, where it is a.
+    /// The blend at a pair by the edge that faces a corner; `None` where it does not pass between the
+    /// centres, or where another edge is the one that lies farthest towards the other pixel.
     #[inline(always)]
-    fn misses(&self, pair: &Pair, size: Size) -> bool {
-        let (x, y) = (size.center_x::<S>(pair.column), size.center_y::<S>(pair.row));
-        // Pixels are two units wide.
-        let reach = S::from_f64(1.0 + 2.0 * SLACK);
-        let [x, y] = if pair.below { [x, y - S::ONE] } else { [x + S::ONE, y] };
-        let across = self.across[usize::from(pair.below)];
-        self.lines.iter().enumerate().all(|(corner, &[one, by_x, by_y])| {
-            let slope = if pair.below { by_y } else { by_x };
-            across & 1 << corner == 0
-                || (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.error_bound
+    pub(super) fn blend(&self, corner: usize, pair: &Pair, size: Size) -> Option<Blend<S>> {
+        let frame = Frame::<S>::new(pair.own(), pair.below, size);
+        // The line through the centres meets edges with an end on either side of it: this one, and one of
+        // the two at the third vertex.
+        let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
+        let (p, q) = (frame.local(self.vertices[j]), frame.local(self.vertices[k]));
+        let sides = [p, q].map(|end| end.y < S::ZERO);
+        if sides[0] == sides[1] {
+            return None;
+        }
+        let sign = if pair.covers_first { S::ONE } else { -S::ONE };
+        let Crossing { x, m } = visible_crossing(p, q)?;
+        // Edges closer to the direction of the pair belong to pairs in the other direction.
+        if m.abs() < (p.w * q.x - p.x * q.w).abs() {
+            return None;
+        }
+        let distance = sign * x;
+        let slack = S::from_f64(SLACK);
+        if !(distance >= -slack && distance <= S::ONE + slack) {
+            return None;
+        }
+        let third = frame.local(self.vertices[corner]);
+        let (other, met) = if (third.y < S::ZERO) == sides[0] {
+            (j, visible_crossing(q, third))
+        } else {
+            (k, visible_crossing(third, p))
+        };
+        // Of edges that are crossed at the same distance it is the first.
+        let is_behind = met.is_some_and(|Crossing { x, .. }| {
+            let other_distance = sign * x;
+            if other < corner { !(distance > other_distance) } else { other_distance > distance }
+        });
+        if is_behind {
+            return None;
+        }
+        let inside = distance.maximum_or_nan(S::ZERO).minimum_or_nan(S::ONE);
+        Some(Blend {
+            pixel: pair.row * size.width as u32 + pair.column,
+            below: pair.below,
+            covers_first: pair.covers_first,
+            edge: [self.indices[j], self.indices[k]],
+            alpha: sign * (S::from_f64(0.5) - inside),
+            clamped: inside != distance,
         })
     }
 }
 
-/// Whether a line may run more across the direction of pixels beside each other than along it, and
-/// whether more across that of pixels below each other: surely not, where its coefficients differ by more
-/// than the rounding errors of both and of [`Blend`]'s own.
+/// Where the visible part of an edge with an end on either side of y = 0 crosses it. Its point there
+/// has the sign of `m / (q.y - p.y)` as its w.
 #[inline(always)]
-fn crosses<S: Scalar<Wide = S>>(
-    [p, q]: [Vertex<S>; 2],
-    [_, by_x, by_y]: [S; 3],
-    size: Size,
-) -> [bool; 2] {
-    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
-    let noise = S::from_f64(16.0 * f64::EPSILON) * (p.w.abs() * (qx + qy) + q.w.abs() * (px + py));
-    let (by_x, by_y) = (by_x.abs(), by_y.abs());
-    [by_x + noise < by_y, by_y + noise < by_x].map(|runs_along| !runs_along)
-}
-
-/// The blend at a pair by the edges of a face which covers the first pixel or the second; `None`
-/// where none of its silhouettes passes between the centres.
-#[inline(always)]
-pub(super) fn blend<S: Scalar<Wide = S>>(
-    outline: &Outline<S>,
-    pair: &Pair,
-    covers_first: bool,
-    size: Size,
-) -> Option<Blend<S>> {
-    if outline.misses(pair, size) { None } else { looked_at(outline, pair, covers_first, size) }
-}
-
-/// [`blend`] without the shortcut.
-#[inline]
-fn looked_at<S: Scalar<Wide = S>>(
-    outline: &Outline<S>,
-    pair: &Pair,
-    covers_first: bool,
-    size: Size,
-) -> Option<Blend<S>> {
-    let &Outline { vertices, indices, silhouettes, .. } = outline;
-    let &Pair { row, column, below, .. } = pair;
-    let frame = Frame::<S>::new([row, column], below, covers_first, size);
-    // Not by `map`, which would copy them one by one.
-    let corners = [frame.local(vertices[0]), frame.local(vertices[1]), frame.local(vertices[2])];
-    // The line through the centres meets edges with an end on either side of it.
-    let [a, b, c] = [0, 1, 2].map(|k| corners[k].y < S::ZERO);
-    let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
-    if silhouettes & met == 0 {
-        return None;
-    }
-    let sign = if covers_first { S::ONE } else { -S::ONE };
-
-    // The straddling edge that lies farthest towards the neighbour: there the face ends.
-    let mut farthest: Option<(usize, S, S)> = None;
-    for corner in (0..3).filter(|corner| met & 1 << corner != 0) {
-        let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-        if let Some(Crossing { x, m }) = visible_crossing(p, q)
-            && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
-        {
-            farthest = Some((corner, sign * x, m));
-        }
-    }
-    let (corner, distance, m) = farthest?;
-    if silhouettes & 1 << corner == 0 {
-        return None;
-    }
-    let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
-    let (p, q) = (corners[j], corners[k]);
-
-    // Edges closer to the direction of the pair belong to pairs in the other direction.
-    if m.abs() < (p.w * q.x - p.x * q.w).abs() {
-        return None;
-    }
-    let slack = S::from_f64(SLACK);
-    if !(distance >= -slack && distance <= S::ONE + slack) {
-        return None;
-    }
-    let inside = distance.maximum_or_nan(S::ZERO).minimum_or_nan(S::ONE);
-    Some(Blend {
-        pixel: pair.pixels(size)[0] as u32,
-        below,
-        covers_first,
-        edge: [indices[j], indices[k]],
-        alpha: sign * (S::from_f64(0.5) - inside),
-        clamped: inside != distance,
-    })
+fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
+    let crossing = crossing(p, q);
+    let is_visible = (crossing.m > S::ZERO) == (q.y > p.y) && crossing.m != S::ZERO;
+    is_visible.then_some(crossing)
 }
 
 impl<S: Scalar<Wide = S>> Blend<S> {
@@ -273,14 +223,16 @@ impl<S: Scalar<Wide = S>> Blend<S> {
     /// `dalpha/dx = -1` whichever pixel owns the edge, and from `x = n / m`:
     /// `dx/dx_1 = y_2 / m`, `dx/dx_2 = -y_1 / m`, `dx/dy_1 = (x w_2 - x_2) / m`,
     /// `dx/dy_2 = (x_1 - x w_1) / m`, `dx/dw_1 = -x y_2 / m`, `dx/dw_2 = x y_1 / m`.
+    #[inline(always)]
     pub(super) fn pull_back<T: Scalar<Wide = S>>(
         &self,
         alpha_bar: S,
         clip: &[T],
         size: Size,
     ) -> [[S; 3]; 2] {
-        let pixel = size.row_and_column(self.pixel as usize);
-        let frame = Frame::new(pixel, self.below, self.covers_first, size);
+        let [row, column] = size.row_and_column(self.pixel as usize).map(|index| index as u32);
+        let pair = Pair { row, column, below: self.below, covers_first: self.covers_first };
+        let frame = Frame::new(pair.own(), self.below, size);
         let [(p, p_factor), (q, q_factor)] =
             self.edge.map(|index| Vertex::from_clip(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
@@ -296,48 +248,129 @@ impl<S: Scalar<Wide = S>> Blend<S> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use proptest::prelude::*;
 
     use super::*;
 
-    /// Coordinates around the image, some of them on pixel centres, some behind the eye.
+    /// Coordinates around the image, some of them on pixel centres, some behind the eye, some near the ends
+    /// of the range of the numbers.
     fn vertex() -> impl Strategy<Value = [f64; 4]> {
         let near = prop_oneof![-1.5..1.5, (-8_i32..8).prop_map(|k| f64::from(k) / 8.0)];
         let w = prop_oneof![4 => Just(1.0), 4 => 0.1..3.0, 2 => -1.0..-0.1, 1 => Just(1e-9)];
-        (near.clone(), near, w).prop_map(|(x, y, w)| [x * w, y * w, 0.0, w])
+        let scale =
+            prop_oneof![6 => Just(1.0), 1 => Just(1e200), 1 => Just(1e-200), 1 => Just(1e59)];
+        (near.clone(), near, w, scale)
+            .prop_map(|(x, y, w, scale)| [x * w, y * w, 0.0, w].map(|number| scale * number))
+    }
+
+    /// The pairs of which one pixel lies in a run, and the other one outside of it.
+    fn pairs_of(row: u32, columns: Range<u32>, size: Size) -> Vec<Pair> {
+        let (width, height) = (size.width as u32, size.height as u32);
+        let mut pairs = Vec::new();
+        for column in columns.clone() {
+            let pair = |row, column, below, covers_first| Pair { row, column, below, covers_first };
+            if row > 0 {
+                pairs.push(pair(row - 1, column, true, false));
+            }
+            if row + 1 < height {
+                pairs.push(pair(row, column, true, true));
+            }
+            if column == columns.start && column > 0 {
+                pairs.push(pair(row, column - 1, false, false));
+            }
+            if column + 1 == columns.end && columns.end < width {
+                pairs.push(pair(row, column, false, true));
+            }
+        }
+        pairs
+    }
+
+    /// The corner that the blending edge faces, and the share, by what the operation says of all edges.
+    fn expected(outline: &Outline<f64>, pair: &Pair, size: Size) -> Option<(usize, f64)> {
+        let frame = Frame::new(pair.own(), pair.below, size);
+        let corners = outline.vertices.map(|vertex| frame.local(vertex));
+        let sign = if pair.covers_first { 1.0 } else { -1.0 };
+        let mut farthest: Option<(usize, f64, f64)> = None;
+        for corner in 0..3 {
+            let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+            if (p.y < 0.0) != (q.y < 0.0)
+                && let Some(Crossing { x, m }) = visible_crossing(p, q)
+                && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
+            {
+                farthest = Some((corner, sign * x, m));
+            }
+        }
+        let (corner, distance, m) = farthest?;
+        let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+        let is_silhouette = outline.silhouettes >> corner & 1 == 1;
+        let runs_across = m.abs() >= (p.w * q.x - p.x * q.w).abs();
+        let is_between = (-SLACK..=1.0 + SLACK).contains(&distance);
+        let alpha = sign * (0.5 - distance.clamp(0.0, 1.0));
+        (is_silhouette && runs_across && is_between).then_some((corner, alpha))
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4096))]
 
         #[test]
-        fn what_misses_a_pair_blends_nothing(
+        fn a_pair_is_visited_once_wherever_its_farthest_edge_blends_it_and_no_other_edge_does(
             clip in [vertex(), vertex(), vertex()],
             silhouettes in 1_u8..8,
-            (row, column) in (0_usize..4, 0_usize..8),
-            below: bool,
-            covers_first: bool,
+            (row, start, length) in (0_u32..5, 0_u32..9, 1_u32..9),
+            wide: bool,
         ) {
-            let size = Size { width: 9, height: 5 };
+            let size = Size { width: if wide { 90 } else { 9 }, height: 5 };
+            let (start, length) = if wide { (10 * start, 10 * length) } else { (start, length) };
+            let columns = start..(start + length).min(size.width as u32);
             let outline = Outline::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
-            let pair = Pair { row, column, below, seen: [None; 2] };
-            let found = looked_at(&outline, &pair, covers_first, size);
-            prop_assert!(found.is_none() || !outline.misses(&pair, size), "{found:?}");
+            let mut visited = Vec::new();
+            outline.for_each_line(size, |corner, line| {
+                line.for_each_pair(row, columns.clone(), size, |pair| visited.push((corner, pair)));
+            });
+            let pairs = pairs_of(row, columns, size);
+            for pair in &pairs {
+                let expected = expected(&outline, pair, size);
+                for corner in 0..3 {
+                    let count = visited.iter().filter(|&visited| *visited == (corner, *pair)).count();
+                    let blend = (silhouettes >> corner & 1 == 1)
+                        .then(|| outline.blend(corner, pair, size))
+                        .flatten();
+                    let expected = expected.filter(|expected| expected.0 == corner);
+                    prop_assert_eq!(blend.map(|blend| (corner, blend.alpha)), expected);
+                    prop_assert!(count <= 1 && (count == 1 || blend.is_none()), "{:?}", pair);
+                }
+            }
+            prop_assert!(visited.iter().all(|(_, pair)| pairs.contains(pair)));
         }
     }
 
     #[test]
-    fn a_silhouette_misses_the_pairs_that_it_does_not_pass_between() {
+    fn only_the_pairs_that_a_silhouette_passes_between_are_visited() {
         let size = Size { width: 9, height: 5 };
-        // Upright, between columns 4 and 5.
-        let clip = [[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]];
-        let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
-        for row in 0..4 {
-            for column in 0..8 {
-                let misses = [false, true].map(|below| {
-                    outline.misses(&Pair { row, column, below, seen: [None; 2] }, size)
-                });
-                assert_eq!(misses, [column != 4, true], "{row} {column}");
+        // Upright, between columns 4 and 5; and level, between rows 2 and 3.
+        for (clip, is_upright) in [
+            ([[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]], true),
+            ([[-2.0, -0.2, 0.0, 1.0], [2.0, -0.2, 0.0, 1.0], [0.0, 3.0, 0.0, 1.0]], false),
+        ] {
+            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
+            for row in 0..5 {
+                for (start, end) in
+                    (0..9).flat_map(|end| (0..=end).map(move |start| (start, end + 1)))
+                {
+                    let mut visited = Vec::new();
+                    outline.for_each_line(size, |_, line| {
+                        line.for_each_pair(row, start..end, size, |pair| visited.push(pair));
+                    });
+                    let passes = |pair: &Pair| match is_upright {
+                        true => !pair.below && pair.column == 4,
+                        false => pair.below && pair.row == 2,
+                    };
+                    let expected: Vec<_> =
+                        pairs_of(row, start..end, size).into_iter().filter(passes).collect();
+                    assert_eq!(visited, expected, "{row} {start} {end}");
+                }
             }
         }
     }

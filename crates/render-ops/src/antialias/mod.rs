@@ -35,6 +35,7 @@
 
 mod discontinuity;
 mod pairs;
+mod sorting;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -44,16 +45,17 @@ use bokashi_core::parallel::{
 };
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
-use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Directions, Pair, Rows, SeenFace};
+use self::discontinuity::{Blend, Outline};
+use self::pairs::Pair;
+use self::sorting::Sorting;
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::depth_at;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
-use crate::homogeneous::Vertex;
 use crate::picture::{Composite, Picture};
+use crate::runs::Run;
 use crate::size::Size;
 
 /// The picture with the silhouettes of its faces antialiased, for pictures of one fragment per pixel,
@@ -107,11 +109,11 @@ struct SavedBlends<T: Scalar> {
     shares: Vec<T>,
     /// Memory: per blend the gradients of its edge's vertices.
     bars: Vec<EdgeBars<T>>,
-    outlines: Outlines<T::Wide>,
-    /// Of pieces of the slots.
-    pieces_of_outlines: Vec<Outlines<T::Wide>>,
-    /// Of pieces of the image; where the image is not cut, the first search is of all of it.
-    searches: Vec<Search<T::Wide>>,
+    /// Memory: what is found at all silhouettes, and at those of pieces of the slots.
+    found: Vec<Found<T::Wide>>,
+    pieces: Vec<Vec<Found<T::Wide>>>,
+    /// Memory: the order of what is found.
+    order: Sorting,
 }
 
 /// A blend at a pixel where others blend, too.
@@ -124,13 +126,15 @@ struct Joint<S> {
     sum: S,
 }
 
-/// What is found in some rows of the image, and memory.
-#[derive(Debug, Default)]
-struct Search<S> {
-    neighbors: Rows,
-    blends: Vec<Blend<S>>,
-    /// Per blend: the fragments of its two pixels.
-    fragments: Vec<[u32; 2]>,
+/// A blend, and what it is found with.
+#[derive(Debug, Clone, Copy)]
+struct Found<S> {
+    /// What the order of blends is by: first this, see [`Silhouettes::seen`], then the column.
+    line: u32,
+    column: u32,
+    blend: Blend<S>,
+    /// The fragments of its two pixels.
+    fragments: [u32; 2],
 }
 
 /// The gradients with respect to clip (x, y, w) of an edge's two vertices.
@@ -139,10 +143,12 @@ type EdgeBars<T> = [[T; 3]; 2];
 /// Blends in one piece of work: some tens of microseconds.
 const BLENDS_PER_PIECE: usize = 1 << 9;
 
-/// Rows in one piece of the search, and pixels: of a small image a few rows take less time than it
-/// takes to hand them to another thread.
-const ROWS_PER_PIECE: usize = 16;
-const PIXELS_PER_PIECE: usize = 1 << 12;
+/// Slots in one piece of the search.
+// The test of outlines in pieces repeats it.
+const SLOTS_PER_PIECE: usize = 1 << 11;
+
+/// The lines of blends in a row of the image.
+const LINES: usize = 3;
 
 /// The row of an uncovered pixel, as long as not all of them are known.
 const MISSING: u32 = u32::MAX;
@@ -150,25 +156,28 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> SavedBlends<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, outlines, pieces_of_outlines, searches, .. } = self;
-        outlines.find(pieces_of_outlines, coverage, clip);
+        let Self { blends, rows, found, pieces, order, .. } = self;
+        let view = Silhouettes { coverage, clip };
+        let count = coverage.centers.slots.len();
+        found.clear();
+        if is_shared(count, SLOTS_PER_PIECE) {
+            let work = |slots: Range<usize>, piece: &mut Vec<_>| {
+                piece.clear();
+                view.find(slots, piece);
+            };
+            merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| found.append(piece));
+        } else {
+            view.find(0..count, found);
+        }
+        let Size { width, height } = coverage.size();
+        order.begin(found.len());
+        order.by(width, |index| found[index].column as usize);
+        order.by(LINES * height, |index| found[index].line as usize);
+        let found = || order.indices.iter().map(|&index| &found[index as usize]);
         blends.clear();
+        blends.extend(found().map(|found| found.blend));
         rows.clear();
-        let view = Silhouettes { coverage, clip, outlines };
-        let (width, height) = (coverage.size().width, coverage.size().height);
-        let rows_per_piece = (PIXELS_PER_PIECE / width.max(1)).max(ROWS_PER_PIECE);
-        let piece = if is_shared(height, rows_per_piece) { rows_per_piece } else { height };
-        let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
-        merge_ranges_into(searches, height, piece, work, |search| {
-            if piece == height {
-                // There is no other search.
-                std::mem::swap(blends, &mut search.blends);
-                std::mem::swap(rows, &mut search.fragments);
-            } else {
-                blends.append(&mut search.blends);
-                rows.append(&mut search.fragments);
-            }
-        });
+        rows.extend(found().map(|found| found.fragments));
     }
 
     /// Finds the rim, and the rows of the blends' pixels.
@@ -312,7 +321,7 @@ impl<T: Scalar> SavedBlends<T> {
         }
     }
 
-    /// The gradients of the blends' edges, in their order; of a clamped blend zeros.
+    /// The gradients of the blends' edges, in their order, as if none were clamped.
     fn pull_back(
         &self,
         out_bar: &[T],
@@ -321,37 +330,98 @@ impl<T: Scalar> SavedBlends<T> {
         size: Size,
         bars: &mut Vec<EdgeBars<T>>,
     ) {
-        bars.clear();
         bars.resize(self.blends.len(), [[T::ZERO; 3]; 2]);
         for_each_piece_mut(bars, BLENDS_PER_PIECE, |piece, bars| {
             let first = piece * BLENDS_PER_PIECE;
-            let steps = self.steps[first * channels..].chunks_exact(channels);
-            let placed = self.placed_from(first, channels).zip(steps).zip(bars);
-            for (((blend, _, target), steps), bars) in placed {
-                if blend.clamped {
-                    continue;
-                }
-                let terms = steps.iter().zip(&out_bar[target..]);
-                let alpha_bar = terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
-                *bars = blend.pull_back(alpha_bar, clip, size).map(|bar| bar.map(T::narrow));
-            }
+            dispatch_256::<T, _>(
+                #[inline(always)]
+                || {
+                    with_channels(
+                        channels,
+                        #[inline(always)]
+                        |channels| {
+                            let steps = self.steps[first * channels..].chunks_exact(channels);
+                            let placed = self.placed_from(first, channels).zip(steps);
+                            for (((blend, _, target), steps), bars) in placed.zip(&mut *bars) {
+                                let terms = steps.iter().zip(&out_bar[target..][..channels]);
+                                let alpha_bar =
+                                    terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
+                                *bars = blend
+                                    .pull_back(alpha_bar, clip, size)
+                                    .map(|bar| bar.map(T::narrow));
+                            }
+                        },
+                    );
+                },
+            );
         });
+    }
+
+    /// Finds alpha times what is upstream of the blended pixels.
+    fn find_shares(&mut self, out_bar: &[T], channels: usize) {
+        let mut shares = std::mem::take(&mut self.shares);
+        shares.resize(self.blends.len() * channels, T::ZERO);
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = shares.chunks_exact_mut(channels);
+                for ((blend, _, target), shares) in self.placed(channels).zip(shares) {
+                    let alpha = T::narrow(blend.alpha);
+                    let bars = &out_bar[target..][..channels];
+                    shares.iter_mut().zip(bars).for_each(|(share, &bar)| *share = alpha * bar);
+                }
+            },
+        );
+        self.shares = shares;
+    }
+
+    /// Adds the shares to the gradient of the values of fragments. What leads to the background is in
+    /// [`SavedBlends::add_background_bars`].
+    fn add_shares(&self, channels: usize, values_bar: &mut [T]) {
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let shares = self.shares.chunks_exact(channels);
+                for (rows, shares) in self.rows.iter().zip(shares) {
+                    for (&row, sign) in rows.iter().zip([-T::ONE, T::ONE]) {
+                        let entry = row as usize * channels;
+                        let Some(bars) = values_bar.get_mut(entry..entry + channels) else {
+                            continue;
+                        };
+                        bars.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
+                    }
+                }
+            },
+        );
     }
 
     /// Blends pixels of `out`, which holds the aliased values.
     fn blend(&mut self, out: &mut [T], channels: usize) {
         let mut steps = std::mem::take(&mut self.steps);
-        steps.clear();
-        for (_, [first, second], _) in self.placed(channels) {
-            steps.extend((0..channels).map(|c| out[second + c] - out[first + c]));
-        }
+        steps.resize(self.blends.len() * channels, T::ZERO);
         let mut ranges = std::mem::take(&mut self.ranges);
         self.find_ranges(out, channels, &mut ranges);
-        for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels)) {
-            let alpha = T::narrow(blend.alpha);
-            let out = &mut out[target..target + channels];
-            out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
-        }
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let rows = self.rows.iter().map(|rows| rows.map(|row| row as usize * channels));
+                for (steps, [first, second]) in steps.chunks_exact_mut(channels).zip(rows) {
+                    let (from, to) = (&out[first..][..channels], &out[second..][..channels]);
+                    for ((step, &from), &to) in steps.iter_mut().zip(from).zip(to) {
+                        *step = to - from;
+                    }
+                }
+                let steps = steps.chunks_exact(channels);
+                for ((blend, _, target), steps) in self.placed(channels).zip(steps) {
+                    let alpha = T::narrow(blend.alpha);
+                    let out = &mut out[target..][..channels];
+                    out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
+                }
+            },
+        );
         let pixels = self.joint.chunk_by(|one, other| one.row == other.row);
         for (same, ranges) in pixels.zip(ranges.chunks_exact(channels.max(1))) {
             let first = same[0].row as usize * channels;
@@ -402,150 +472,119 @@ impl<T: Scalar> SavedBlends<T> {
     }
 }
 
-/// Slots in one piece of the search for outlines.
-// The test of outlines in pieces repeats it.
-const SLOTS_PER_PIECE: usize = 1 << 11;
-
-/// The faces with a silhouette.
-#[derive(Debug, Default)]
-struct Outlines<S> {
-    outlines: Vec<Outline<S>>,
-    /// Per slot: its outline.
-    of_slot: Vec<OfSlot>,
+/// Runs `work` with a number of channels, which the compiler knows where it is the usual one.
+#[inline(always)]
+fn with_channels(channels: usize, mut work: impl FnMut(usize)) {
+    if channels == 3 { work(3) } else { work(channels) }
 }
 
-/// Which outline a slot has.
-#[derive(Debug, Clone, Copy)]
-struct OfSlot {
-    /// Beyond all outlines for a face without silhouettes.
-    outline: u32,
-    face: u32,
-    /// See [`Outline::counts`].
-    counts: Directions,
-}
-
-impl<S: Scalar<Wide = S>> Outlines<S> {
-    /// Finds the outlines of all slots.
-    fn find<T: Scalar<Wide = S>>(
-        &mut self,
-        pieces: &mut Vec<Self>,
-        coverage: &Coverage,
-        clip: &[T],
-    ) {
-        let count = coverage.centers.slots.len();
-        if !is_shared(count, SLOTS_PER_PIECE) {
-            return self.find_piece(coverage, clip, 0..count);
-        }
-        self.outlines.clear();
-        self.of_slot.clear();
-        let work = |slots: Range<usize>, piece: &mut Self| piece.find_piece(coverage, clip, slots);
-        merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
-            let before = self.outlines.len() as u32;
-            self.outlines.append(&mut piece.outlines);
-            let known =
-                |slot: OfSlot| OfSlot { outline: slot.outline.saturating_add(before), ..slot };
-            self.of_slot.extend(piece.of_slot.drain(..).map(known));
-        });
-    }
-
-    fn find_piece<T: Scalar<Wide = S>>(
-        &mut self,
-        coverage: &Coverage,
-        clip: &[T],
-        slots: Range<usize>,
-    ) {
-        self.outlines.clear();
-        self.of_slot.clear();
-        self.of_slot.reserve(slots.len());
-        for slot in &coverage.centers.slots[slots] {
-            let face = slot.face as usize;
-            let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let mut of_slot = OfSlot { outline: u32::MAX, face: slot.face, counts: 0 };
-            if silhouettes != 0 {
-                let indices = coverage.mesh().faces()[face];
-                let outline = Outline::new(clip, indices, silhouettes, coverage.size());
-                of_slot.outline = self.outlines.len() as u32;
-                of_slot.counts = outline.counts();
-                self.outlines.push(outline);
-            }
-            self.of_slot.push(of_slot);
-        }
-    }
-}
-
-/// What is drawn, and the outlines.
+/// What is drawn.
 struct Silhouettes<'a, T: Scalar> {
     coverage: &'a Coverage,
     clip: &'a [T],
-    outlines: &'a Outlines<T::Wide>,
 }
 
 impl<T: Scalar> Silhouettes<'_, T> {
-    /// Finds the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
-    /// pixels.
-    fn find(&self, rows: Range<usize>, search: &mut Search<T::Wide>) {
-        let Search { neighbors, blends, fragments } = search;
-        blends.clear();
-        fragments.clear();
-        let face_of = |slot: usize| {
-            let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
-            (face, counts)
-        };
+    /// Finds the blends by the faces of some slots.
+    fn find(&self, slots: Range<usize>, found: &mut Vec<Found<T::Wide>>) {
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                neighbors.for_each_pair(
-                    self.coverage,
-                    rows,
-                    face_of,
-                    #[inline(always)]
-                    |pair| {
-                        if let Some(blend) = self.blend(&pair) {
-                            blends.push(blend);
-                            let fragment = |seen: SeenFace| seen.fragment;
-                            fragments.push(pair.seen.map(|seen| seen.map_or(MISSING, fragment)));
-                        }
-                    },
-                );
+                for slot in slots {
+                    let face = self.coverage.centers.face(slot);
+                    let silhouettes = self.coverage.silhouettes_of(face);
+                    if silhouettes != 0 {
+                        self.find_by_face(slot, face, silhouettes, found);
+                    }
+                }
             },
         );
     }
 
-    /// The outline of a face.
+    /// Finds the blends by a face with silhouettes.
     #[inline(always)]
-    fn outline(&self, SeenFace { slot, .. }: SeenFace) -> Option<&Outline<T::Wide>> {
-        self.outlines.outlines.get(self.outlines.of_slot[slot as usize].outline as usize)
-    }
-
-    /// The depth of a face at the centre of a pixel.
-    fn depth(&self, seen: SeenFace, pixel: usize) -> T::Wide {
+    fn find_by_face(
+        &self,
+        slot: usize,
+        face: usize,
+        silhouettes: u8,
+        found: &mut Vec<Found<T::Wide>>,
+    ) {
         let size = self.coverage.size();
-        if let Some(outline) = self.outline(seen) {
-            return depth_at(&outline.vertices, pixel, size);
-        }
-        let indices = self.coverage.mesh().faces()[seen.face as usize];
-        depth_at(&Vertex::from_face(self.clip, indices, size).0, pixel, size)
+        let indices = self.coverage.mesh().faces()[face];
+        let outline = Outline::new(self.clip, indices, silhouettes, size);
+        let runs = self.coverage.centers.in_slot(slot);
+        outline.for_each_line(
+            size,
+            #[inline(always)]
+            |corner, line| {
+                for run in runs {
+                    let [row, column] = size.row_and_column(run.pixel as usize);
+                    let first = column as u32;
+                    line.for_each_pair(
+                        row as u32,
+                        first..first + run.length,
+                        size,
+                        #[inline(always)]
+                        |pair| {
+                            if let Some(blend) = outline.blend(corner, &pair, size) {
+                                let fragment = run.fragment + pair.own()[1] - first;
+                                found.extend(self.seen(&outline, face, fragment, pair, blend));
+                            }
+                        },
+                    );
+                }
+            },
+        );
     }
 
-    /// The blend at a pair of pixels, where a silhouette passes between them. It is of the nearer of
-    /// two faces; where both are as near, it is of the first pixel's face.
+    /// A blend by a face at a pair, if the other pixel sees no other face, or a farther one. Of faces
+    /// that are as near the blend is by the first pixel's.
     #[inline(always)]
-    fn blend(&self, pair: &Pair) -> Option<Blend<T::Wide>> {
-        let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
-        let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
-        // Which face is nearer matters only where there is something to blend.
-        if blends.iter().all(Option::is_none) {
-            return None;
+    fn seen(
+        &self,
+        outline: &Outline<T::Wide>,
+        face: usize,
+        fragment: u32,
+        pair: Pair,
+        blend: Blend<T::Wide>,
+    ) -> Option<Found<T::Wide>> {
+        let (coverage, size) = (self.coverage, self.coverage.size());
+        let [row, column] = pair.other();
+        let mut other_fragment = MISSING;
+        let mut is_outlined = false;
+        if let Some(run) = coverage.run_in_row(row as usize, column) {
+            let other = coverage.centers.face_of(run);
+            if other == face {
+                return None;
+            }
+            let indices = coverage.mesh().faces()[other];
+            let vertices = Outline::corners(self.clip, indices, size);
+            let own_depth = depth_at(&outline.vertices, pair.own(), size);
+            let other_depth = depth_at(&vertices, pair.other(), size);
+            let is_behind = if pair.covers_first {
+                other_depth < own_depth
+            } else {
+                !(own_depth < other_depth)
+            };
+            if is_behind {
+                return None;
+            }
+            let Run { pixel, fragment, .. } = *run;
+            other_fragment = fragment + (row * size.width as u32 + column - pixel);
+            is_outlined = coverage.silhouettes_of(other) != 0;
         }
-        let [pixel, other] = pair.pixels(self.coverage.size());
-        let is_behind = self.depth(second, other) < self.depth(first, pixel);
-        blends[usize::from(is_behind)]
-    }
-
-    /// The blend of the face that the first or the second pixel sees, if it is the nearer face.
-    #[inline(always)]
-    fn blend_of(&self, pair: &Pair, side: usize) -> Option<Blend<T::Wide>> {
-        blend(self.outline(pair.seen[side]?)?, pair, side == 0, self.coverage.size())
+        // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
+        // silhouettes, then the others.
+        let kind = match pair.below {
+            false => 0,
+            true if pair.covers_first || is_outlined => 1,
+            true => 2,
+        };
+        let (line, column) = (LINES as u32 * pair.row + kind, pair.column);
+        let fragments = [fragment, other_fragment];
+        let fragments = if pair.covers_first { fragments } else { [other_fragment, fragment] };
+        Some(Found { line, column, blend, fragments })
     }
 }
 
@@ -620,12 +659,7 @@ impl<T: Scalar> Op<T> for Antialias {
             return;
         }
         // Last, since here the upstream gradient is changed in place, if nobody else reads it.
-        let mut shares = std::mem::take(&mut saved.shares);
-        shares.clear();
-        for (blend, _, target) in saved.placed(channels) {
-            let alpha = T::narrow(blend.alpha);
-            shares.extend(out_bar[target..target + channels].iter().map(|&bar| alpha * bar));
-        }
+        saved.find_shares(out_bar, channels);
         match taken {
             Some(mut out_bar) => {
                 out_bar.truncate(covered);
@@ -636,17 +670,7 @@ impl<T: Scalar> Op<T> for Antialias {
                 values_bar.add(&kept.only_upstream()[..covered]);
             }
         }
-        let values_bar = gradients.get(1).expect("it is wanted").entries();
-        for ((_, entries, _), shares) in saved.placed(channels).zip(shares.chunks_exact(channels)) {
-            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                // What leads to the background is above.
-                let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
-                    continue;
-                };
-                values_bar.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
-            }
-        }
-        saved.shares = shares;
+        saved.add_shares(channels, gradients.get(1).expect("it is wanted").entries());
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
@@ -654,8 +678,7 @@ impl<T: Scalar> Op<T> for Antialias {
             + size_of_val(saved.rows.as_slice())
             + size_of_val(saved.steps.as_slice())
             + size_of_val(saved.joint.as_slice())
-            + size_of_val(saved.outlines.outlines.as_slice())
-            + size_of_val(saved.outlines.of_slot.as_slice())
+            + size_of_val(saved.found.as_slice())
             + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }
