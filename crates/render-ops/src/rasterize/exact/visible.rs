@@ -70,8 +70,10 @@ impl<S: Scalar> Whole<S> {
     /// Whether all of this face lies beside another face.
     #[inline(always)]
     fn is_beside(&self, other: &Self) -> bool {
-        (self.least[0] >= other.most[0]) | (self.most[0] <= other.least[0])
-            || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
+        (self.least[0] >= other.most[0])
+            | (self.most[0] <= other.least[0])
+            | (self.least[1] >= other.most[1])
+            | (self.most[1] <= other.least[1])
     }
 
     /// Whether all of this face surely lies behind another face.
@@ -228,8 +230,9 @@ impl<S: Scalar> Visible<S> {
         // A plane over a convex polygon has its least and its largest depth at corners.
         for point in polygons.points(polygon) {
             let corner = [point[0], point[1], value_at(candidate.depth, point)];
-            least = std::array::from_fn(|k| least[k].minimum_or_nan(corner[k]));
-            most = std::array::from_fn(|k| most[k].maximum_or_nan(corner[k]));
+            // None is NaN.
+            least = [0, 1, 2].map(|k| if corner[k] < least[k] { corner[k] } else { least[k] });
+            most = [0, 1, 2].map(|k| if corner[k] > most[k] { corner[k] } else { most[k] });
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
         self.whole.push(Whole { candidate: index, face, polygon, cuts, least, most, tie_bound });
@@ -269,24 +272,32 @@ impl<S: Scalar> Visible<S> {
             let is_before = other < group;
             let [this, that] = [&whole[position], &whole[other]];
             // A neighbour's function of the edge between them is exactly the opposite of this one's.
+            // One branch, for no processor foresees which of these holds.
+            let [p, q, r] = neighbors;
             let hides_nothing = that.is_beside(this)
-                || !is_before && that.is_behind(this)
-                || neighbors.contains(&that.face);
-            if other == position || hides_nothing {
+                | (!is_before & that.is_behind(this))
+                | (p == that.face)
+                | (q == that.face)
+                | (r == that.face)
+                | (other == position);
+            if hides_nothing {
                 continue;
             }
+            let is_hidden = is_before | this.is_behind(that);
             *cuts += left.len();
             if *cuts > *most_cuts || polygons.len() > MOST_CORNERS {
                 return false;
             }
             let [one, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
-            // Positive where the rival lies behind. One of an earlier group lies in front everywhere.
-            let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(one, rival) };
+            // Positive where the rival lies behind.
+            let behind = behind(one, rival);
             // The line between both planes is added once for all polygons, and only if it is needed.
             let mut between = None;
             next.clear();
             for &polygon in &*left {
-                if !polygons.has_outside(polygon, behind) {
+                let [has_front, has_back] =
+                    if is_hidden { [false, true] } else { polygons.lies(polygon, behind) };
+                if !has_back {
                     // All of it is in front of the rival's plane.
                     next.push(polygon);
                     continue;
@@ -295,8 +306,17 @@ impl<S: Scalar> Visible<S> {
                 let (mut overlap, before) = (Some(polygon), next.len());
                 for index in that.cuts.clone() {
                     let Some(polygon) = overlap else { break };
-                    let [inside, outside] = polygons.split(polygon, lines[index], index as u32);
-                    overlap = inside;
+                    let (line, index) = (lines[index], index as u32);
+                    // Where none of it is in front, the overlap need not be known.
+                    let outside = if !has_front && index as usize + 1 == that.cuts.end {
+                        let (has_inside, outside) = polygons.outside(polygon, line, index);
+                        overlap = has_inside.then_some(polygon);
+                        outside
+                    } else {
+                        let [inside, outside] = polygons.split(polygon, line, index);
+                        overlap = inside;
+                        outside
+                    };
                     next.extend(outside);
                 }
                 let Some(overlap) = overlap else {
@@ -305,6 +325,9 @@ impl<S: Scalar> Visible<S> {
                     next.push(polygon);
                     continue;
                 };
+                if !has_front {
+                    continue;
+                }
                 let index = match between {
                     Some(index) => index,
                     None => {
