@@ -186,22 +186,23 @@ impl<S: Scalar> Visible<S> {
 
     /// Cuts a candidate to the cell and to the depth range.
     #[inline(always)]
-    fn cut_to_cell(&mut self, cell: Polygon, index: u32, candidate: &Candidate<S>) {
+    fn cut_to_cell(&mut self, whole: Polygon, index: u32, candidate: &Candidate<S>) {
         let Parts { polygons, lines, sources, touches_border, .. } = &mut self.parts;
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let has_depth = size(candidate.depth) < S::from_f64(f64::INFINITY);
         if !has_depth {
             return;
         }
-        let mut polygon = Some(cell);
+        let mut polygon = Some(whole);
         let first = lines.len();
         *touches_border |= candidate.on_border != 0;
         let center = self.cell.center();
         let Candidate { band_face, face, .. } = *candidate;
+        let cell = self.cell;
+        // Most lines do not come near the cell.
+        let is_near = |line: Line<S>| value_at(line, center) < cell.change(line);
         let mut cut = |line: Line<S>, source: Source, is_on_border: bool| {
-            // Most lines do not come near the cell.
-            let is_near = value_at(line, center) < self.cell.change(line);
-            let Some(before) = polygon.filter(|_| is_near) else { return };
+            let Some(before) = polygon else { return };
             polygon = polygons.inside(before, line, lines.len() as u32);
             // Only a line that cut something off is kept: its index stands at a side by then.
             if polygon != Some(before) {
@@ -210,8 +211,10 @@ impl<S: Scalar> Visible<S> {
             }
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
-            let is_on_border = candidate.on_border >> k & 1 == 1;
-            cut(edge, Source::Edge { band_face, k }, is_on_border);
+            if is_near(edge) {
+                let is_on_border = candidate.on_border >> k & 1 == 1;
+                cut(edge, Source::Edge { band_face, k }, is_on_border);
+            }
         }
         let [one, x, y] = candidate.depth;
         let [least, most] = self.cell.range(candidate.depth);
@@ -221,7 +224,9 @@ impl<S: Scalar> Visible<S> {
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
-                cut(line, Source::End { band_face, is_far }, is_on_border);
+                if is_near(line) {
+                    cut(line, Source::End { band_face, is_far }, is_on_border);
+                }
             }
         }
         let Some(polygon) = polygon else { return };
