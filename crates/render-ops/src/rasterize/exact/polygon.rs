@@ -22,13 +22,28 @@ pub(super) type Line<S> = [S; 3];
 /// Stands for the border of the pixel or cell, which does not move.
 pub(super) const BORDER: u32 = u32::MAX;
 
-/// What a side of a polygon lies on.
+/// What a side of a polygon lies on: the index of its line, or [`BORDER`], and whether the polygon is on the
+/// line's inside. In one number, since a load waits for all stores that it spans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Bound {
-    /// The index of its line, or [`BORDER`].
-    pub(super) line: u32,
-    /// Whether the polygon is on the line's inside.
-    pub(super) is_inside: bool,
+pub(super) struct Bound(u64);
+
+impl Bound {
+    /// That of a polygon that was not cut.
+    const STILL: Self = Self::new(BORDER, true);
+
+    const fn new(line: u32, is_inside: bool) -> Self {
+        Self((line as u64) << 1 | is_inside as u64)
+    }
+
+    #[inline(always)]
+    pub(super) fn line(self) -> u32 {
+        (self.0 >> 1) as u32
+    }
+
+    #[inline(always)]
+    pub(super) fn is_inside(self) -> bool {
+        self.0 & 1 == 1
+    }
 }
 
 /// A corner of a polygon, and what the side from it to the next corner lies on.
@@ -147,8 +162,7 @@ impl<S: Scalar> Polygons<S> {
     #[cold]
     #[inline(never)]
     fn grow(&mut self, corners: usize) {
-        let bound = Bound { line: BORDER, is_inside: true };
-        self.corners.resize(corners, Corner { point: [S::ZERO; 2], bound });
+        self.corners.resize(corners, Corner { point: [S::ZERO; 2], bound: Bound::STILL });
         self.values.resize(corners, S::ZERO);
     }
 
@@ -164,8 +178,7 @@ impl<S: Scalar> Polygons<S> {
 
     /// The polygon of these corners, which do not move.
     fn still<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
-        let bound = Bound { line: BORDER, is_inside: true };
-        self.add(points.into_iter().map(|point| Corner { point, bound }))
+        self.add(points.into_iter().map(|point| Corner { point, bound: Bound::STILL }))
     }
 
     /// The polygon of these corners.
@@ -187,8 +200,8 @@ impl<S: Scalar> Polygons<S> {
         mut name: impl FnMut(u32) -> u32,
     ) -> Polygon {
         self.add(others.corners(polygon).iter().map(|&Corner { point, bound }| {
-            let line = if bound.line == BORDER { BORDER } else { name(bound.line) };
-            Corner { point, bound: Bound { line, ..bound } }
+            let line = if bound.line() == BORDER { BORDER } else { name(bound.line()) };
+            Corner { point, bound: Bound::new(line, bound.is_inside()) }
         }))
     }
 
@@ -209,8 +222,8 @@ impl<S: Scalar> Polygons<S> {
     ) -> [Option<Polygon>; 2] {
         match self.lies(polygon, line) {
             [true, true] => {
-                let inside = self.part(polygon, Bound { line: index, is_inside: true });
-                let outside = self.part(polygon, Bound { line: index, is_inside: false });
+                let inside = self.part(polygon, Bound::new(index, true));
+                let outside = self.part(polygon, Bound::new(index, false));
                 [Some(inside), Some(outside)]
             }
             [true, false] => [Some(polygon), None],
@@ -228,7 +241,7 @@ impl<S: Scalar> Polygons<S> {
         index: u32,
     ) -> Option<Polygon> {
         match self.lies(polygon, line) {
-            [true, true] => Some(self.part(polygon, Bound { line: index, is_inside: true })),
+            [true, true] => Some(self.part(polygon, Bound::new(index, true))),
             [is_inside, _] => is_inside.then_some(polygon),
         }
     }
@@ -243,7 +256,7 @@ impl<S: Scalar> Polygons<S> {
     ) -> (bool, Option<Polygon>) {
         match self.lies(polygon, line) {
             [true, true] => {
-                (true, Some(self.part(polygon, Bound { line: index, is_inside: false })))
+                (true, Some(self.part(polygon, Bound::new(index, false))))
             }
             [is_inside, is_outside] => (is_inside, is_outside.then_some(polygon)),
         }
@@ -285,7 +298,7 @@ impl<S: Scalar> Polygons<S> {
         self.reserve(count + 1);
         let (corners, new) = self.corners.split_at_mut(self.len);
         let (corners, values) = (&corners[range], &self.values[..count]);
-        let sign = if cut.is_inside { S::ONE } else { -S::ONE };
+        let sign = if cut.is_inside() { S::ONE } else { -S::ONE };
         let Run { first, last } = Run::find(values, sign);
         let kept = if last >= first { last + 1 - first } else { last + 1 + count - first };
         // Where the side from a corner crosses the line; the next corner, if that lies on it.

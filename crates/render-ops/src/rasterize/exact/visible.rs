@@ -175,7 +175,7 @@ impl<S: Scalar> Visible<S> {
             let Candidate { edges, neighbors, .. } = &candidates[candidate as usize];
             FaceInCell { polygon, edges, neighbors: *neighbors }
         });
-        let source = |bound: Bound| sources.get(bound.line as usize).map(|&(source, _)| source);
+        let source = |bound: Bound| sources.get(bound.line() as usize).map(|&(source, _)| source);
         lie_side_by_side(faces, polygons, source)
     }
 
