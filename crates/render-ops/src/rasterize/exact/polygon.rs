@@ -94,8 +94,9 @@ impl Run {
         let count = values.len();
         if count <= u64::BITS as usize {
             let mut bits = 0;
-            for (k, &value) in values.iter().enumerate() {
-                bits |= u64::from(sign * value > S::ZERO) << k;
+            // One by one, as the values were stored: a load of several would wait.
+            for &value in values.iter().rev() {
+                bits = bits << 1 | u64::from(sign * value > S::ZERO);
             }
             // The corner before the first one of a run is of none, and so is the corner after its last one.
             let firsts = bits & !(bits << 1 | bits >> (count - 1));
@@ -255,9 +256,7 @@ impl<S: Scalar> Polygons<S> {
         index: u32,
     ) -> (bool, Option<Polygon>) {
         match self.lies(polygon, line) {
-            [true, true] => {
-                (true, Some(self.part(polygon, Bound::new(index, false))))
-            }
+            [true, true] => (true, Some(self.part(polygon, Bound::new(index, false)))),
             [is_inside, is_outside] => (is_inside, is_outside.then_some(polygon)),
         }
     }
@@ -433,6 +432,34 @@ mod tests {
             let sum: f64 = parts.into_iter().filter_map(area).sum();
             prop_assert!((sum - polygons.area(whole)).abs() < 1e-14);
         }
+    }
+
+    proptest! {
+        /// Of few corners, found by bits, and of more corners than a word has bits.
+        #[test]
+        fn corners_on_one_side_are_one_run(
+            count in 3..150_usize,
+            start in 0..150_usize,
+            length in 1..150_usize,
+            is_inside: bool,
+        ) {
+            let (first, kept) = (start % count, 1 + length % (count - 1));
+            let sign = if is_inside { 1.0 } else { -1.0 };
+            let is_kept = |k: usize| (k + count - first) % count < kept;
+            let values: Vec<_> = (0..count).map(|k| if is_kept(k) { sign } else { -sign }).collect();
+            let last = (first + kept - 1) % count;
+            prop_assert_eq!(Run::find(&values, sign), Run { first, last });
+            prop_assert_eq!(Run::find_around(&values, sign), Run { first, last });
+        }
+    }
+
+    #[test]
+    fn runs_that_rounding_parts_are_joined() {
+        // Of a few corners in turn the third lies on the other side by rounding.
+        let values = [-1.0, 0.5, -1e-17, 0.5, -0.5];
+        assert_eq!(Run::find(&values, 1.0), Run { first: 1, last: 3 });
+        let turned = values.map(|value: f64| -value);
+        assert_eq!(Run::find(&turned, -1.0), Run { first: 1, last: 3 });
     }
 
     #[test]

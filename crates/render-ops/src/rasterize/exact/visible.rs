@@ -297,7 +297,7 @@ impl<S: Scalar> Visible<S> {
             // Positive where the rival lies behind.
             let behind = behind(one, rival);
             // The line between both planes is added once for all polygons, and only if it is needed.
-            let mut between = None;
+            let (mut between, mut on_border) = (None, None);
             next.clear();
             for &polygon in &*left {
                 let [has_front, has_back] =
@@ -330,23 +330,21 @@ impl<S: Scalar> Visible<S> {
                     next.push(polygon);
                     continue;
                 };
+                // What is hidden up to the pixel's border may be in front beyond it.
+                let is_on_border = *on_border.get_or_insert_with(|| {
+                    let error_bound = one.depth_error_bound + rival.depth_error_bound;
+                    !is_before && lies_on_border(behind, [S::ZERO; 2], error_bound)
+                });
+                *touches_border |= is_on_border;
                 if !has_front {
                     continue;
                 }
-                let index = match between {
-                    Some(index) => index,
-                    None => {
-                        let (first, second) = (one.band_face, rival.band_face);
-                        let source = Source::Between { first, second };
-                        let error_bound = one.depth_error_bound + rival.depth_error_bound;
-                        let is_on_border = lies_on_border(behind, [S::ZERO; 2], error_bound);
-                        *touches_border |= is_on_border;
-                        lines.push(behind);
-                        sources.push((source, is_on_border));
-                        lines.len() as u32 - 1
-                    }
-                };
-                between = Some(index);
+                let index = *between.get_or_insert_with(|| {
+                    let (first, second) = (one.band_face, rival.band_face);
+                    lines.push(behind);
+                    sources.push((Source::Between { first, second }, is_on_border));
+                    lines.len() as u32 - 1
+                });
                 let in_front = polygons.inside(overlap, behind, index);
                 if in_front == Some(overlap) {
                     // In front of the rival wherever they overlap, which leaves it whole, too.
