@@ -143,16 +143,14 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// Calls `visit` with each silhouette's corner and line, for pairs of either kind that it can blend.
     #[inline(always)]
     pub(super) fn for_each_line(&self, size: Size, mut visit: impl FnMut(usize, &Line)) {
-        // One loop, and one place of visiting: what is inlined there is compiled once.
         let mut rest = self.silhouettes;
         while rest != 0 {
             let corner = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let [p, q] = [self.vertices[(corner + 1) % 3], self.vertices[(corner + 2) % 3]];
-            for line in &Line::new(p, q, size) {
-                if let Some(line) = line {
-                    visit(corner, line);
-                }
+            // Not by `for_each`, which would leave what is visited out of line: 3 million of 165.
+            for line in Line::new(p, q, size).iter().flatten() {
+                visit(corner, line);
             }
         }
     }
@@ -190,7 +188,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         // Of edges that are crossed at the same distance it is the first.
         let is_behind = met.is_some_and(|Crossing { x, .. }| {
             let other_distance = sign * x;
-            if other < corner { !(distance > other_distance) } else { other_distance > distance }
+            let (is_ahead, is_behind) = (distance > other_distance, other_distance > distance);
+            if other < corner { !is_ahead } else { is_behind }
         });
         if is_behind {
             return None;

@@ -562,11 +562,8 @@ impl<T: Scalar> Silhouettes<'_, T> {
             let vertices = Outline::corners(self.clip, indices, size);
             let own_depth = depth_at(&outline.vertices, pair.own(), size);
             let other_depth = depth_at(&vertices, pair.other(), size);
-            let is_behind = if pair.covers_first {
-                other_depth < own_depth
-            } else {
-                !(own_depth < other_depth)
-            };
+            let (is_nearer, is_farther) = (own_depth < other_depth, other_depth < own_depth);
+            let is_behind = if pair.covers_first { is_farther } else { !is_nearer };
             if is_behind {
                 return None;
             }
