@@ -10,7 +10,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 
 use pulp::Simd;
 
-use super::culling::ROUNDING_OF_PIXELS;
+use super::corner::ROUNDING_OF_PIXELS;
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, first_lanes};
 use super::plane::Plane;
 use crate::size::Size;
@@ -118,14 +118,11 @@ impl SmallFaces {
         let [top, bottom] = self.rows.each_ref().map(|rows| rows[k]);
         let first = self.first_columns[k] as usize;
         let columns = EIGHT * self.blocks[k] as usize;
-        let [reached, reached_end] = &mut plane.reached_by_small;
-        *reached = (*reached).min(first);
-        *reached_end = (*reached_end).max(first + columns);
+        plane.reach_by_small([first, first + columns]);
         let (stride, rows) = (plane.stride, bottom + 1 - top);
         let (depths, faces) = (&mut plane.depths[..], &mut plane.faces[..]);
-        let [a, b, c, d] = &self.lines;
         let [mut from_start, mut x_slopes, mut y_slopes] = [[simd.splat_f32s(0.0); 4]; 3];
-        for (i, [one, x, y]) in [a, b, c, d].into_iter().enumerate() {
+        for (i, [one, x, y]) in self.lines.iter().enumerate() {
             from_start[i] = simd.splat_f32s(one[k]);
             x_slopes[i] = simd.splat_f32s(x[k]);
             y_slopes[i] = simd.splat_f32s(y[k]);

@@ -31,7 +31,7 @@
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::culling::Corner;
+use super::corner::Corner;
 use crate::homogeneous::Vertex;
 use crate::size::Size;
 
@@ -286,7 +286,7 @@ impl Octet {
 #[cfg(test)]
 mod tests {
     use super::super::blocks::SmallFaces;
-    use super::super::culling::ROUNDING_OF_PIXELS;
+    use super::super::corner::ROUNDING_OF_PIXELS;
     use super::*;
 
     /// How far a face's edge functions, area and depths lie from those in wide numbers, as shares of the bounds.

@@ -26,6 +26,7 @@
 mod behind;
 mod blocks;
 mod canvas;
+mod corner;
 mod culling;
 mod exact;
 mod filter;

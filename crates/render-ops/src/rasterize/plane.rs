@@ -76,6 +76,13 @@ impl Plane {
         *reached = [reached[0].min(first), reached[1].max(end)];
     }
 
+    /// Reaches columns, first and end, of any row.
+    #[inline(always)]
+    pub(super) fn reach_by_small(&mut self, [first, end]: [usize; 2]) {
+        let reached = &mut self.reached_by_small;
+        *reached = [reached[0].min(first), reached[1].max(end)];
+    }
+
     /// The place of some columns of a row.
     #[inline(always)]
     pub(super) fn pixels(&self, row: usize, [first, end]: [usize; 2]) -> Range<usize> {

@@ -4,7 +4,8 @@ use bokashi_core::Scalar;
 
 use std::ops::Range;
 
-use super::culling::{Corner, Fate, Verdict};
+use super::corner::Corner;
+use super::culling::{Fate, Verdict};
 use super::filter::{Filter, Record};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;

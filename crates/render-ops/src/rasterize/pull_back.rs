@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::culling::Corner;
+use super::corner::Corner;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};

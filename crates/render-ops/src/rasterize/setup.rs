@@ -26,7 +26,7 @@
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::culling::Corner;
+use super::corner::Corner;
 use super::spans::RowOfPixels;
 use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};

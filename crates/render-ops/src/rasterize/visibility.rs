@@ -16,7 +16,8 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, resize};
-use super::culling::{Corner, Fate, Judge, Verdict, give_one_factor, most_rounding};
+use super::corner::{Corner, give_one_factor};
+use super::culling::{Fate, Judge, Verdict, most_rounding};
 use super::filter::{Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;

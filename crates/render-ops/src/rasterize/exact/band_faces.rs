@@ -10,7 +10,7 @@ use super::polygon::{Line, size};
 use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
-use crate::rasterize::culling::Corner;
+use crate::rasterize::corner::Corner;
 use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
 use crate::size::Size;

@@ -20,7 +20,7 @@ use super::polygon::line_bar;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
-use crate::rasterize::culling::Corner;
+use crate::rasterize::corner::Corner;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
