@@ -180,8 +180,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             return;
         }
         intervals.retain(|interval| !interval.is_out());
-        let candidate =
-            |face: u32| band.candidate(face, face_bits[face as usize], center, planes.errors(face));
+        let candidate = |face: u32| {
+            band.candidate(face, face_bits[face as usize], center, planes.vertex_rounding(face))
+        };
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
 }

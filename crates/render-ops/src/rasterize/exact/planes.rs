@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, DepthErrors, FaceBits, REACH, depth, total};
+use super::band_faces::{BandFaces, FaceBits, REACH, depth, total};
 use super::depth_intervals::{DepthInterval, FaceInBlock};
 use super::polygon::{Line, value_at};
 use crate::homogeneous::Vertex;
@@ -22,7 +22,8 @@ struct Plane<S> {
     /// More than what its depths are off by in the face, where they are in the depth range. Unless the face
     /// may reach out of that range, the rounding of its vertices is part of it.
     error_bound: S,
-    errors: DepthErrors<S>,
+    /// By this times its edge functions its depth may be off, since its vertices were rounded.
+    vertex_rounding: [S; 3],
 }
 
 /// The planes of a band's faces. Most faces are far from all pixels that ask.
@@ -66,9 +67,13 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> DepthInterval<S> {
-        let Plane { depth: [one, x, y], range: [least, most], error_bound, ref errors, .. } =
-            *self.plane_of(band, face);
-        let mut error_bound = error_bound;
+        let Plane {
+            depth: [one, x, y],
+            range: [least, most],
+            mut error_bound,
+            vertex_rounding,
+            ..
+        } = *self.plane_of(band, face);
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
         // From the centre of the block: `width` units to its left and right ends, and 1 up and down.
@@ -80,7 +85,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
             error_bound += (0..3)
                 .map(|k| {
                     let change = width * edges[k][1].abs() + edges[k][2].abs();
-                    errors.vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
+                    vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
                 })
                 .sum();
         }
@@ -93,10 +98,11 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// What is known of the errors of a face's depth, of which the plane is known.
+    /// By this times its edge functions the depth of a face, whose plane is known, may be off, since its
+    /// vertices were rounded.
     #[inline(always)]
-    pub(super) fn errors(&self, band_face: u32) -> &DepthErrors<S> {
-        &self.planes[self.of_band_face[band_face as usize] as usize].errors
+    pub(super) fn vertex_rounding(&self, band_face: u32) -> [S; 3] {
+        self.planes[self.of_band_face[band_face as usize] as usize].vertex_rounding
     }
 
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
@@ -154,8 +160,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        let errors = DepthErrors::new(&vertices, vertex_rounding, total, band.view.size);
-        Self { depth, range, edge_error_bounds, error_bound, errors }
+        Self { depth, range, edge_error_bounds, error_bound, vertex_rounding }
     }
 }
 
