@@ -45,9 +45,9 @@ impl Peeling {
     pub(super) fn fit<T: Scalar>(&mut self, view: &Prepared<'_, T>) {
         let count = view.layers - usize::from(view.front.is_none());
         self.layers.resize_with(count, Plane::default);
-        self.layers.iter_mut().for_each(|layer| layer.fit(view));
+        self.layers.iter_mut().for_each(|layer| layer.fit(view.size.width, view.rows));
         if count > 0 {
-            self.front.fit(view);
+            self.front.fit(view.size.width, view.rows);
         }
     }
 }

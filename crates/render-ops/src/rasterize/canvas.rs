@@ -161,7 +161,7 @@ impl<T: Scalar> Canvas<T> {
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
-        self.plane.fit(view);
+        self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
         self.bands.resize_with(view.layers, Vec::new);
         self.bands.iter_mut().for_each(|of_layer| of_layer.resize_with(bands.len(), Band::default));

@@ -2,10 +2,7 @@
 
 use std::ops::Range;
 
-use bokashi_core::Scalar;
-
 use super::filter::{EIGHT, EMPTY};
-use super::prepared::Prepared;
 
 /// Stands for "no face".
 pub(super) const NO_FACE: u32 = u32::MAX;
@@ -33,10 +30,10 @@ pub(super) struct Plane {
 const NONE: [usize; 2] = [usize::MAX, 0];
 
 impl Plane {
-    /// Makes it one for the bands of `view`. It stays as it is where it was one, with nothing drawn.
-    pub(super) fn fit<T: Scalar>(&mut self, view: &Prepared<'_, T>) {
-        if self.width != view.size.width || self.reached.len() != view.rows {
-            *self = Self::new(view.size.width, view.rows);
+    /// Makes it one of this many columns and rows. It stays as it is where it was one, with nothing drawn.
+    pub(super) fn fit(&mut self, width: usize, rows: usize) {
+        if self.width != width || self.reached.len() != rows {
+            *self = Self::new(width, rows);
         }
     }
 
