@@ -159,7 +159,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// centres, or where another edge is the one that lies farthest towards the other pixel.
     #[inline(always)]
     pub(super) fn blend(&self, corner: usize, pair: &Pair, size: Size) -> Option<Blend<S>> {
-        let frame = Frame::<S>::new(pair.own(), pair.below, size);
+        let frame = Frame::<S>::new(pair.covered_pixel(), pair.below, size);
         // The line through the centres meets edges with an end on either side of it: this one, and one of
         // the two at the third vertex.
         let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
@@ -231,7 +231,7 @@ impl<S: Scalar<Wide = S>> Blend<S> {
     ) -> [[S; 3]; 2] {
         let [row, column] = size.row_and_column(self.pixel as usize).map(|index| index as u32);
         let pair = Pair { row, column, below: self.below, covers_first: self.covers_first };
-        let frame = Frame::new(pair.own(), self.below, size);
+        let frame = Frame::new(pair.covered_pixel(), self.below, size);
         let [(p, p_factor), (q, q_factor)] =
             self.edge.map(|index| Vertex::from_clip(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
@@ -288,7 +288,7 @@ mod tests {
 
     /// The corner that the blending edge faces, and the share, by what the operation says of all edges.
     fn expected(outline: &Outline<f64>, pair: &Pair, size: Size) -> Option<(usize, f64)> {
-        let frame = Frame::new(pair.own(), pair.below, size);
+        let frame = Frame::new(pair.covered_pixel(), pair.below, size);
         let corners = outline.vertices.map(|vertex| frame.local(vertex));
         let sign = if pair.covers_first { 1.0 } else { -1.0 };
         let mut farthest: Option<(usize, f64, f64)> = None;

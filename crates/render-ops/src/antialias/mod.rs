@@ -170,9 +170,9 @@ impl<T: Scalar> SavedBlends<T> {
             view.find(0..count, found);
         }
         let Size { width, height } = coverage.size();
-        order.begin(found.len());
-        order.by(width, |index| found[index].column as usize);
-        order.by(LINES * height, |index| found[index].line as usize);
+        order.start(found.len());
+        order.sort_by(width, |index| found[index].column as usize);
+        order.sort_by(LINES * height, |index| found[index].line as usize);
         let found = || order.indices.iter().map(|&index| &found[index as usize]);
         blends.clear();
         blends.extend(found().map(|found| found.blend));
@@ -528,7 +528,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
                         #[inline(always)]
                         |pair| {
                             if let Some(blend) = outline.blend(corner, &pair, size) {
-                                let fragment = run.fragment + pair.own()[1] - first;
+                                let fragment = run.fragment + pair.covered_pixel()[1] - first;
                                 found.extend(self.seen(&outline, face, fragment, pair, blend));
                             }
                         },
@@ -550,7 +550,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
         blend: Blend<T::Wide>,
     ) -> Option<Found<T::Wide>> {
         let (coverage, size) = (self.coverage, self.coverage.size());
-        let [row, column] = pair.other();
+        let [row, column] = pair.other_pixel();
         let mut other_fragment = MISSING;
         let mut is_outlined = false;
         if let Some(run) = coverage.run_in_row(row as usize, column) {
@@ -560,8 +560,8 @@ impl<T: Scalar> Silhouettes<'_, T> {
             }
             let indices = coverage.mesh().faces()[other];
             let vertices = Outline::corners(self.clip, indices, size);
-            let own_depth = depth_at(&outline.vertices, pair.own(), size);
-            let other_depth = depth_at(&vertices, pair.other(), size);
+            let own_depth = depth_at(&outline.vertices, pair.covered_pixel(), size);
+            let other_depth = depth_at(&vertices, pair.other_pixel(), size);
             let (is_nearer, is_farther) = (own_depth < other_depth, other_depth < own_depth);
             let is_behind = if pair.covers_first { is_farther } else { !is_nearer };
             if is_behind {

@@ -31,20 +31,20 @@ pub(super) struct Pair {
 impl Pair {
     /// The row and the column of the first pixel, or of the second.
     #[inline(always)]
-    pub(super) fn place(&self, second: bool) -> [u32; 2] {
+    pub(super) fn pixel(&self, second: bool) -> [u32; 2] {
         [self.row + u32::from(second & self.below), self.column + u32::from(second & !self.below)]
     }
 
     /// The row and the column of the pixel that the face covers.
     #[inline(always)]
-    pub(super) fn own(&self) -> [u32; 2] {
-        self.place(!self.covers_first)
+    pub(super) fn covered_pixel(&self) -> [u32; 2] {
+        self.pixel(!self.covers_first)
     }
 
     /// The row and the column of the other pixel.
     #[inline(always)]
-    pub(super) fn other(&self) -> [u32; 2] {
-        self.place(self.covers_first)
+    pub(super) fn other_pixel(&self) -> [u32; 2] {
+        self.pixel(self.covers_first)
     }
 }
 
@@ -106,21 +106,21 @@ impl Line {
     ) {
         let (width, height) = (size.width as u32, size.height as u32);
         if !self.below {
-            let at = self.at(row);
-            if columns.start > 0 && !self.misses(at, columns.start) {
+            let crossing = self.crossing(row);
+            if columns.start > 0 && !self.misses(crossing, columns.start) {
                 visit(Pair { row, column: columns.start - 1, below: false, covers_first: false });
             }
-            if columns.end < width && !self.misses(at, columns.end) {
+            if columns.end < width && !self.misses(crossing, columns.end) {
                 visit(Pair { row, column: columns.end - 1, below: false, covers_first: true });
             }
             return;
         }
         for column in self.columns_near(row, columns) {
-            let at = self.at(column);
-            if row > 0 && !self.misses(at, row) {
+            let crossing = self.crossing(column);
+            if row > 0 && !self.misses(crossing, row) {
                 visit(Pair { row: row - 1, column, below: true, covers_first: false });
             }
-            if row + 1 < height && !self.misses(at, row + 1) {
+            if row + 1 < height && !self.misses(crossing, row + 1) {
                 visit(Pair { row, column, below: true, covers_first: true });
             }
         }
@@ -128,14 +128,14 @@ impl Line {
 
     /// Where it meets a row or a column.
     #[inline(always)]
-    fn at(&self, index: u32) -> f64 {
+    fn crossing(&self, index: u32) -> f64 {
         self.start + self.slope * f64::from(index)
     }
 
-    /// Whether it surely passes by the pair of which the second pixel has an index, where it is `at`.
+    /// Whether it surely passes by the pair of which the second pixel has an index, which it crosses at `crossing`.
     #[inline(always)]
-    fn misses(&self, at: f64, second: u32) -> bool {
-        (at - (f64::from(second) - 0.5)).abs() > self.reach
+    fn misses(&self, crossing: f64, second: u32) -> bool {
+        (crossing - (f64::from(second) - 0.5)).abs() > self.reach
     }
 
     /// The columns in which it may pass above or below a pixel of a row: `|start + slope c - r| <= reach

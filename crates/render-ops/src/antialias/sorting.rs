@@ -10,13 +10,13 @@ pub(super) struct Sorting {
 
 impl Sorting {
     /// Begins anew with the indices of `count` things, in their order.
-    pub(super) fn begin(&mut self, count: usize) {
+    pub(super) fn start(&mut self, count: usize) {
         self.indices.clear();
         self.indices.extend(0..count as u32);
     }
 
     /// Sorts by a number below `end` of each index. Indices of the same number stay in their order.
-    pub(super) fn by(&mut self, end: usize, number: impl Fn(usize) -> usize) {
+    pub(super) fn sort_by(&mut self, end: usize, number: impl Fn(usize) -> usize) {
         let Self { indices, before, starts } = self;
         starts.clear();
         starts.resize(end + 1, 0);
@@ -50,11 +50,11 @@ mod tests {
         ) {
             let mut sorting = Sorting::default();
             // What an earlier call left is forgotten.
-            sorting.begin(others);
-            sorting.by(3, |index| index % 3);
-            sorting.begin(pairs.len());
-            sorting.by(7, |index| pairs[index].0);
-            sorting.by(5, |index| pairs[index].1);
+            sorting.start(others);
+            sorting.sort_by(3, |index| index % 3);
+            sorting.start(pairs.len());
+            sorting.sort_by(7, |index| pairs[index].0);
+            sorting.sort_by(5, |index| pairs[index].1);
             let mut expected: Vec<_> = (0..pairs.len() as u32).collect();
             expected.sort_by_key(|&index| (pairs[index as usize].1, pairs[index as usize].0));
             prop_assert_eq!(sorting.indices, expected);

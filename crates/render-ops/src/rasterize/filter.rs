@@ -32,7 +32,6 @@ use bokashi_core::Scalar;
 use pulp::Simd;
 
 use super::corner::Corner;
-use crate::homogeneous::Vertex;
 use crate::size::Size;
 
 /// Faces, or pixels of a row, that are worked on side by side.
@@ -68,7 +67,7 @@ pub(super) struct Filter {
     middle: f64,
     /// Stored depths have so many units.
     per_depth: f64,
-    /// Whether all depths are equal to the bit.
+    /// Whether all depths are 0, in wide numbers too.
     is_flat: bool,
 }
 
@@ -121,11 +120,9 @@ impl Filter {
 
     fn measure_depths<S: Scalar<Wide = S>>(&mut self, corners: &[Corner<S>]) {
         let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
-        let [mut are_zero, mut are_equal] = [true; 2];
+        self.is_flat = true;
         for corner in corners {
-            let [Vertex { z, w, .. }, first] = [corner.vertex, corners[0].vertex];
-            are_zero &= z == S::ZERO;
-            are_equal &= z == first.z && w == first.w;
+            self.is_flat &= corner.vertex.z == S::ZERO;
             if corner.is_tame() {
                 let depth = corner.depth();
                 least = if depth < least { depth } else { least };
@@ -138,7 +135,6 @@ impl Filter {
         // Where there is nothing to tell apart, that of all depths in view.
         let half = 0.5 * (largest - least);
         self.per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
-        self.is_flat = are_zero || are_equal;
     }
 
     /// Of a vertex.
@@ -155,7 +151,7 @@ impl Filter {
         Record { x, y, depth, w: corner.vertex.w.to_f64() as f32 }
     }
 
-    /// What a later face has to be nearer by, beside the tolerance: where all depths are equal, the first face wins.
+    /// What a later face has to be nearer by, beside the tolerance: where all depths are 0, the first face wins.
     #[inline(always)]
     pub(super) fn advantage(&self) -> f32 {
         if self.is_flat { 2.0 } else { 0.0 }

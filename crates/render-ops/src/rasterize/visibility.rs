@@ -356,7 +356,8 @@ mod tests {
             own in prop::collection::vec(face(), 1..5),
             // Faces once more, a little moved or only in depth: in front, behind, or through each other.
             again in prop::collection::vec((0..5_usize, change(), any::<bool>()), 0..4),
-            is_flat in prop::bool::weighted(0.1),
+            // In some scenes all depths are equal, or nearly, or all z.
+            flat in prop::option::weighted(0.2, (prop_oneof![Just(0.0), -0.9..0.9_f64], any::<bool>())),
             (width, height) in prop_oneof![
                 (1..22_usize, 1..17_usize),
                 Just((16, 16)),
@@ -373,8 +374,12 @@ mod tests {
                 faces.push(faces[index % faces.len()].map(change));
             }
             let mut clip = faces.as_flattened().to_vec();
-            if is_flat {
-                clip.iter_mut().for_each(|vertex| vertex[2] = 0.0);
+            if let Some((depth, is_parallel)) = flat {
+                let w = |vertex: &[f64; 4]| if is_parallel { faces[0][0][3] } else { vertex[3] };
+                clip.iter_mut().for_each(|vertex| {
+                    vertex[3] = w(vertex);
+                    vertex[2] = depth * vertex[3];
+                });
             }
             let clip = clip.as_flattened();
             let size = Size { width, height };
