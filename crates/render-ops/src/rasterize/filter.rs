@@ -43,7 +43,13 @@ pub(super) type Eight<V> = [V; EIGHT];
 const EVEN: f32 = 4.0;
 
 /// The largest depth that is drawn, and less the smallest.
-pub(super) const LARGEST_DEPTH: f64 = 1.0;
+const LARGEST_DEPTH: f64 = 1.0;
+
+/// Whether a depth in wide numbers is drawn.
+#[inline(always)]
+pub(super) fn is_drawn(depth: f64) -> bool {
+    depth.abs() <= LARGEST_DEPTH
+}
 
 /// Depths that differ by more than this share of the largest depth are told apart.
 const RESOLUTION: f64 = 2e-4;
@@ -176,6 +182,25 @@ impl Filter {
         ends.iter().all(|&depth| {
             depth.abs() < LARGEST_DEPTH * (1.0 - 1e-9) && DIGITS * self.narrow(depth).abs() < 0.25
         })
+    }
+
+    /// The depths at some centres, as they are stored, and by how much each has to differ from another. What is not drawn
+    /// lies behind all.
+    #[inline(always)]
+    pub(super) fn depths_of<V: Simd, S: Scalar>(
+        &self,
+        simd: V,
+        centers: &[S],
+        depth: impl Fn(S) -> S,
+    ) -> (V::f32s, V::f32s) {
+        let mut depths = [0.0; EIGHT];
+        for (stored, &x) in depths.iter_mut().zip(centers) {
+            let depth = depth(x).to_f64();
+            *stored = if is_drawn(depth) { self.narrow(depth) } else { 2.0 * EMPTY };
+        }
+        let depths = simd.partial_load_f32s(&depths[..V::F32_LANES]);
+        let digits = simd.splat_f32s(DIGITS);
+        (depths, simd.mul_add_e_f32s(digits, simd.abs_f32s(depths), simd.splat_f32s(1.0)))
     }
 
     /// Units in `pixels`, rounded up, and one.

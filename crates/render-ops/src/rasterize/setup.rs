@@ -229,10 +229,11 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         match self.plane {
             Some(plane) => {
                 let [start, slope] = along(plane, row.y);
-                pixels.cover(simd, row.y, within, centers, |x| start + slope * x);
+                pixels.cover(simd, (row.y, true), within, centers, |x| start + slope * x);
             }
             None => {
-                pixels.cover_one_by_one(row.y, within, centers, |x| self.depth(row.values_at(x)));
+                let depth = |x| self.depth(row.values_at(x));
+                pixels.cover(simd, (row.y, false), within, centers, depth);
             }
         }
         // The few at both ends where an edge function may be rounding alone.

@@ -9,7 +9,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::filter::{Filter, LARGEST_DEPTH, first_lanes};
+use super::filter::{Filter, first_lanes, is_drawn};
 use super::plane::NO_FACE;
 
 /// Pixels of a row of a plane, into which a face is drawn.
@@ -24,12 +24,13 @@ pub(super) struct RowOfPixels<'a, S> {
 }
 
 impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
-    /// Draws the columns `within`, which the face surely covers, where it is nearer. Its depth is linear along them.
+    /// Draws the columns `within`, which the face surely covers, where it is nearer. `is_linear` says whether its depth is
+    /// linear along them as it is rounded, too.
     #[inline(always)]
     pub(super) fn cover<V: Simd>(
         &mut self,
         simd: V,
-        y: S,
+        (y, is_linear): (S, bool),
         within: Range<usize>,
         centers: &[S],
         depth: impl Fn(S) -> S,
@@ -37,51 +38,36 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         let Some(last) = within.len().checked_sub(1) else { return };
         let filter = self.filter;
         let ends = [within.start, within.end - 1].map(|column| depth(centers[column]).to_f64());
-        let [first_depth, last_depth] = ends.map(|depth| filter.narrow(depth));
-        let tolerance = filter.tolerance_at(first_depth.abs().max(last_depth.abs()));
-        let slope = (last_depth - first_depth) / last.max(1) as f32;
+        let is_plain = is_linear && filter.is_plain(ends);
+        let [start, end] = ends.map(|depth| filter.narrow(depth));
+        let slope = simd.splat_f32s((end - start) / last.max(1) as f32);
+        let (start, advantage) = (simd.splat_f32s(start), simd.splat_f32s(filter.advantage()));
+        let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));
+        let (mut x, lanes) = (first_lanes(simd), simd.splat_f32s(V::F32_LANES as f32));
         let mut closest = simd.splat_f32s(f32::INFINITY);
         let (depths, faces) = (&mut self.depths[within.clone()], &mut self.faces[within.clone()]);
         let (depth_blocks, rest) = V::as_mut_simd_f32s(depths);
-        let mut rest = within.end - rest.len();
-        if filter.is_plain(ends) {
-            let certainty = simd.splat_f32s(1.0 / tolerance);
-            let advantage = simd.splat_f32s(filter.advantage());
-            let (one, number) = (simd.splat_f32s(1.0), simd.splat_u32s(self.number));
-            let (start, slope) = (simd.splat_f32s(first_depth), simd.splat_f32s(slope));
-            let (mut x, lanes) = (first_lanes(simd), simd.splat_f32s(V::F32_LANES as f32));
-            for (depths, faces) in depth_blocks.iter_mut().zip(V::as_mut_simd_u32s(faces).0) {
-                let (before, face_before) = (*depths, *faces);
-                compiler_fence(Ordering::SeqCst);
-                let own = simd.mul_add_e_f32s(slope, x, start);
-                // How surely it is seen: above 1 it is, below -1 it is not.
-                let nearer = simd.sub_f32s(simd.sub_f32s(before, own), advantage);
-                let seen = simd.mul_f32s(nearer, certainty);
-                let is_seen = simd.greater_than_f32s(seen, one);
-                *depths = simd.select_f32s(is_seen, own, before);
-                *faces = simd.select_u32s(is_seen, number, face_before);
-                closest = simd.min_f32s(closest, simd.abs_f32s(seen));
-                x = simd.add_f32s(x, lanes);
-            }
-            if simd.reduce_min_f32s(closest) <= 1.0 {
-                rest = within.start;
-            }
-        } else {
-            rest = within.start;
+        let blocks = depth_blocks.iter_mut().zip(V::as_mut_simd_u32s(faces).0);
+        let in_blocks = centers[within.clone()].chunks_exact(V::F32_LANES);
+        for ((depths, faces), centers) in blocks.zip(in_blocks) {
+            let (own, tolerance) = match is_plain {
+                true => (simd.mul_add_e_f32s(slope, x, start), one),
+                false => filter.depths_of(simd, centers, &depth),
+            };
+            let (before, face_before) = (*depths, *faces);
+            compiler_fence(Ordering::SeqCst);
+            // How surely it is seen: above 1 it is, below -1 it is not.
+            let nearer = simd.sub_f32s(simd.sub_f32s(before, own), advantage);
+            let seen = simd.div_f32s(nearer, tolerance);
+            let is_seen = simd.greater_than_f32s(seen, one);
+            *depths = simd.select_f32s(is_seen, own, before);
+            *faces = simd.select_u32s(is_seen, number, face_before);
+            closest = simd.min_f32s(closest, simd.abs_f32s(seen));
+            x = simd.add_f32s(x, lanes);
         }
-        self.cover_one_by_one(y, rest..within.end, centers, depth);
-    }
-
-    /// Draws the columns `within`, which the face surely covers, where it is nearer.
-    #[inline(always)]
-    pub(super) fn cover_one_by_one(
-        &mut self,
-        y: S,
-        within: Range<usize>,
-        centers: &[S],
-        depth: impl Fn(S) -> S,
-    ) {
-        for column in within {
+        let is_settled = simd.reduce_min_f32s(closest) > 1.0;
+        let first = if is_settled { within.end - rest.len() } else { within.start };
+        for column in first..within.end {
             let x = centers[column];
             self.cover_one(y, (column, x), depth(x));
         }
@@ -96,7 +82,7 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         let tolerance = self.filter.tolerance_at(own);
         let nearer = before - own - self.filter.advantage();
         let may_be_seen = nearer >= -tolerance && face_before != self.number;
-        if !may_be_seen || !(-LARGEST_DEPTH..=LARGEST_DEPTH).contains(&value) {
+        if !may_be_seen || !is_drawn(value) {
             return false;
         }
         let is_seen = nearer > tolerance
