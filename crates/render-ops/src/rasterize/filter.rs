@@ -45,6 +45,13 @@ const EVEN: f32 = 4.0;
 /// The largest depth that is drawn, and less the smallest.
 const LARGEST_DEPTH: f64 = 1.0;
 
+/// Whether none of the depths between two that lie on a line is drawn.
+#[inline(always)]
+pub(super) fn are_beyond([a, b]: [f64; 2]) -> bool {
+    let least = LARGEST_DEPTH * (1.0 + 1e-3);
+    a > least && b > least || a < -least && b < -least
+}
+
 /// Whether a depth in wide numbers is drawn.
 #[inline(always)]
 pub(super) fn is_drawn(depth: f64) -> bool {
@@ -173,6 +180,12 @@ impl Filter {
     #[inline(always)]
     pub(super) fn narrow(&self, depth: f64) -> f32 {
         ((depth - self.middle) * self.per_depth) as f32
+    }
+
+    /// Whether an error of depths is a small share of the tolerance.
+    #[inline(always)]
+    pub(super) fn is_small(&self, error: f64) -> bool {
+        error * self.per_depth < 0.1
     }
 
     /// Whether depths between two, which are wide numbers and lie on a line, are surely drawn, and can be computed in single

@@ -193,6 +193,17 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         depth
     }
 
+    /// More than the rounding of a depth up to 1: with edge functions that are off by the bound, `W = D` is off by
+    /// `sum |w_i| bound`, and `sum z_i a_i` likewise.
+    #[inline(always)]
+    fn depth_error(&self) -> f64 {
+        let [p, q, r] = self.vertices;
+        let determinant = determinant(p, self.edges[0]);
+        let sum = |[a, b, c]: [S; 3]| a.abs() + b.abs() + c.abs();
+        let sums = sum([p.z, q.z, r.z]) + sum([p.w, q.w, r.w]);
+        (S::from_f64(2.0) * self.error_bound * sums / determinant).to_f64()
+    }
+
     /// The depth at the centre of a pixel that it covers, as visibility compares it.
     pub(super) fn depth_at(&self, y: S, x: S) -> S {
         let row = self.row(y);
@@ -232,8 +243,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 pixels.cover(simd, (row.y, true), within, centers, |x| start + slope * x);
             }
             None => {
+                let is_linear = pixels.filter.is_small(self.depth_error());
                 let depth = |x| self.depth(row.values_at(x));
-                pixels.cover(simd, (row.y, false), within, centers, depth);
+                pixels.cover(simd, (row.y, is_linear), within, centers, depth);
             }
         }
         // The few at both ends where an edge function may be rounding alone.

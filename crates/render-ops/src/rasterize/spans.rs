@@ -9,7 +9,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::filter::{Filter, first_lanes, is_drawn};
+use super::filter::{Filter, are_beyond, first_lanes, is_drawn};
 use super::plane::NO_FACE;
 
 /// Pixels of a row of a plane, into which a face is drawn.
@@ -25,7 +25,7 @@ pub(super) struct RowOfPixels<'a, S> {
 
 impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
     /// Draws the columns `within`, which the face surely covers, where it is nearer. `is_linear` says whether its depth is
-    /// linear along them as it is rounded, too.
+    /// linear along them but for a small share of the tolerance.
     #[inline(always)]
     pub(super) fn cover<V: Simd>(
         &mut self,
@@ -38,6 +38,9 @@ impl<S: Scalar<Wide = S>> RowOfPixels<'_, S> {
         let Some(last) = within.len().checked_sub(1) else { return };
         let filter = self.filter;
         let ends = [within.start, within.end - 1].map(|column| depth(centers[column]).to_f64());
+        if is_linear && are_beyond(ends) {
+            return;
+        }
         let is_plain = is_linear && filter.is_plain(ends);
         let [start, end] = ends.map(|depth| filter.narrow(depth));
         let slope = simd.splat_f32s((end - start) / last.max(1) as f32);
