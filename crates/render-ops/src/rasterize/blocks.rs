@@ -66,7 +66,8 @@ impl SmallFaces {
                 let [p, q, r] = [p[axis], q[axis], r[axis]];
                 p.max(q).max(r) - p.min(q).min(r)
             };
-            let bound = filter.edge_bound(side(0).max(side(1)));
+            let larger_side = side(0).max(side(1));
+            let bound = filter.edge_bound(larger_side);
             let [d, to_q, to_r] =
                 [0, 1, 2].map(|i| octet.depth[i][k] - if i > 0 { octet.depth[0][k] } else { 0.0 });
             let [inverse, per_bound] = [1.0 / area, 1.0 / bound];
@@ -78,11 +79,13 @@ impl SmallFaces {
                 let base = if c == 0 { d } else { 0.0 };
                 faces.lines[3][c][k] = base + (by_q * edges[1][c] + by_r * edges[2][c]);
             }
+            let [_, by_x, by_y] = [0, 1, 2].map(|c| faces.lines[3][c][k]);
             let range = to_q.abs().max(to_r.abs());
+            let depth_bound = filter.depth_bound(larger_side, [by_x, by_y], range, area);
             let pixels = 8 * blocks[k] * (bottoms[k] - tops[k] + 1);
             faces.are_small[k] = (sign != 0.0)
                 & (area >= 16.0 * bound)
-                & (8.0 * bound * range <= 0.48 * area)
+                & (depth_bound < 0.48)
                 & (pixels <= PIXELS_PER_FACE);
         }
         faces

@@ -319,13 +319,13 @@ mod tests {
     /// Three vertices; slivers with a vertex beside the line between the others; vertices on pixel centres of an image
     /// of 16 x 16 pixels, or a little beside; and small faces.
     fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
-        let sliver = (vertex_in_view(), vertex_in_view(), 0.0..1.0_f64, change()).prop_map(
-            |(p, q, along, (by, digits))| {
+        let end = || prop_oneof![2 => vertex_in_view(), 1 => vertex()];
+        let sliver =
+            (end(), end(), 0.0..1.0_f64, change()).prop_map(|(p, q, along, (by, digits))| {
                 let moved =
                     |k: usize| p[k] + along * (q[k] - p[k]) + by[k] * f64::powf(10.0, digits);
                 [p, q, std::array::from_fn(moved)]
-            },
-        );
+            });
         let on_center =
             (0..16_u8, 0..16_u8, -0.9..0.9_f64, change()).prop_map(|(x, y, z, (by, digits))| {
                 let off = f64::powf(10.0, digits);
@@ -357,7 +357,7 @@ mod tests {
             // Faces once more, a little moved or only in depth: in front, behind, or through each other.
             again in prop::collection::vec((0..5_usize, change(), any::<bool>()), 0..4),
             // In some scenes all depths are equal, or nearly, or all z.
-            flat in prop::option::weighted(0.2, (prop_oneof![Just(0.0), -0.9..0.9_f64], any::<bool>())),
+            flat in prop::option::weighted(0.2, (prop_oneof![Just(0.0), Just(-1.0), Just(1.0), -0.9..0.9_f64], any::<bool>())),
             (width, height) in prop_oneof![
                 (1..22_usize, 1..17_usize),
                 Just((16, 16)),
