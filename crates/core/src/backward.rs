@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use smallvec::SmallVec;
 
+use crate::entries::Entries;
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators, Wanted};
 use crate::op::{Inputs, Kept};
@@ -38,13 +39,28 @@ impl<'t, T: Scalar> Gradients<'t, T> {
     /// For a variable of another tape, whose gradient is none of these.
     #[track_caller]
     pub fn get(&self, variable: Var<'t, T>) -> Option<&Tensor<T>> {
+        self.results[self.place_of(variable)?].1.as_ref()
+    }
+
+    /// [`Gradients::get`], given up: nobody else holds its buffer, so that its entries can be taken without a copy
+    /// (`Vec::from`). The tape has no use of this memory any more, and the next step takes new.
+    ///
+    /// # Panics
+    /// As [`Gradients::get`].
+    #[track_caller]
+    pub fn take(&mut self, variable: Var<'t, T>) -> Option<Tensor<T>> {
+        let place = self.place_of(variable)?;
+        self.results[place].1.take()
+    }
+
+    /// Where the gradient of `variable` is, if it was asked for.
+    #[track_caller]
+    fn place_of(&self, variable: Var<'t, T>) -> Option<usize> {
         assert!(
             std::ptr::eq(variable.tape, self.tape),
             "gradients need a variable of their own tape, got one of another tape"
         );
-        let position =
-            self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()?;
-        self.results[position].1.as_ref()
+        self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()
     }
 
     /// The gradient with respect to `variable`, in its shape, zeros where [`Gradients::get`] has
@@ -301,7 +317,8 @@ impl<T: Scalar> Inner<T> {
         for (index, result) in results.iter_mut() {
             let index = *index as usize;
             *result = gradients[index].take(pool).map(|gradient| {
-                Tensor::from_parts(values[index].shape.clone(), pool.share(gradient))
+                let entries = Entries::Own(pool.share(gradient));
+                Tensor::from_parts(values[index].shape.clone(), entries)
             });
         }
         gradients.drain(..).for_each(|mut gradient| gradient.release(pool));

@@ -81,7 +81,7 @@ impl<T: Scalar> AsRef<[T]> for Tensor<T> {
 impl<T: Scalar> From<Tensor<T>> for Vec<T> {
     fn from(tensor: Tensor<T>) -> Self {
         let (_, data) = tensor.into_parts();
-        std::sync::Arc::unwrap_or_clone(data)
+        data.into_vec()
     }
 }
 

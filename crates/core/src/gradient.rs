@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use crate::entries::Entries;
 use crate::parallel::for_each_zipped_mut;
 use crate::pool::Pool;
 use crate::scalar::Scalar;
@@ -41,7 +42,7 @@ enum State {
 pub struct Accumulator<T> {
     buffer: Vec<T>,
     state: State,
-    lent: Option<Arc<Vec<T>>>,
+    lent: Option<Entries<T>>,
 }
 
 impl<T: Scalar> Accumulator<T> {
@@ -56,7 +57,7 @@ impl<T: Scalar> Accumulator<T> {
         match self.state {
             State::Vacant | State::Fresh => None,
             State::Sum => Some(&self.buffer),
-            State::Lent => self.lent.as_deref().map(Vec::as_slice),
+            State::Lent => self.lent.as_deref(),
         }
     }
 
@@ -74,7 +75,7 @@ impl<T: Scalar> Accumulator<T> {
     }
 
     /// Adds an upstream gradient that the caller holds.
-    pub(crate) fn lend(&mut self, entries: Arc<Vec<T>>, pool: &mut Pool<T>) {
+    pub(crate) fn lend(&mut self, entries: Entries<T>, pool: &mut Pool<T>) {
         if self.state == State::Vacant {
             self.lent = Some(entries);
             self.state = State::Lent;
@@ -245,7 +246,7 @@ impl<T: Scalar> Accumulators<'_, T> {
         assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
         let gradient = &mut self.gradients[index];
         if factor.is_same(T::ONE) {
-            return gradient.lend(Arc::clone(entries), self.pool);
+            return gradient.lend(Entries::Own(Arc::clone(entries)), self.pool);
         }
         gradient.prepare(size, self.pool);
         gradient.add_zipped([&entries[..]], |[entry]| factor * entry);
@@ -340,18 +341,19 @@ mod tests {
     fn what_is_lent_is_read_in_place_until_something_is_added() {
         let mut pool = Pool::default();
         let lent = Arc::new(vec![3.0, 4.0]);
+        let entries = || Entries::Own(Arc::clone(&lent));
         let mut sum = Accumulator::vacant();
-        sum.lend(Arc::clone(&lent), &mut pool);
+        sum.lend(entries(), &mut pool);
         assert!(std::ptr::eq(sum.sum().unwrap(), lent.as_slice()));
-        sum.lend(Arc::clone(&lent), &mut pool);
+        sum.lend(entries(), &mut pool);
         assert_eq!(sum.sum(), Some(&[6.0, 8.0][..]));
         sum.prepare(2, &mut pool);
         sum.add(&[1.0, 1.0]);
         assert_eq!(sum.take(&mut pool), Some(vec![7.0, 9.0]));
 
-        sum.lend(Arc::clone(&lent), &mut pool);
+        sum.lend(entries(), &mut pool);
         assert_eq!(sum.take(&mut pool), Some(vec![3.0, 4.0]));
-        sum.lend(Arc::clone(&lent), &mut pool);
+        sum.lend(entries(), &mut pool);
         sum.release(&mut pool);
         assert_eq!(sum.sum(), None);
         assert_eq!((Arc::strong_count(&lent), &*lent), (1, &vec![3.0, 4.0]));

@@ -29,6 +29,7 @@
 //! | matrices | [`matmul`](Var::matmul), [`transpose`](Var::transpose); [`SparseMatrix`], [`SparseMatrix::product`] |
 //! | shapes | [`reshape`](Var::reshape), [`keepdim`](Var::keepdim), [`permute`](Var::permute), [`slice`](Var::slice), [`pad`](Var::pad), [`concat`](Var::concat), [`stack`](Var::stack) |
 //! | rows by index | [`gather_rows`](Var::gather_rows), [`scatter_add_rows`](Var::scatter_add_rows) |
+//! | without lifetimes | [`Recording`]: a pipeline with its tape, its values and its pull-back, for other languages; [`leaf_of`](Tape::leaf_of), [`constant_of`](Tape::constant_of), [`Tensor::from_owner`], [`Gradients::take`]: arrays of others come and go without a copy more |
 //! | many parts | [`Tape::sum_over`]: a sum whose terms have tapes of their own, on many threads |
 //! | what happened | [`Tape::take_report`], [`TapeReport`]: calls, times, bytes, and what was left out; [`value_errors`] and [`gradient_errors`], one precision against another; [`Dependence`] |
 //!
@@ -65,6 +66,7 @@ mod copies;
 mod dependence;
 mod dual;
 mod elementwise;
+mod entries;
 mod error;
 mod gradient;
 mod grouping;
@@ -85,6 +87,7 @@ pub mod precompiled;
 mod preference;
 mod products;
 mod record;
+mod recording;
 mod reduction;
 mod report;
 mod scalar;
@@ -113,6 +116,7 @@ pub use op::{Inputs, Keep, Kept, Op, Outputs};
 pub use ops::{Padding, mean_squared_error, squared_error};
 pub use products::{hvp, jvp};
 pub use record::OutputVars;
+pub use recording::{Ends, InputGradients, Recording};
 pub use report::{LeftOut, OperationReport, TapeReport, ValueError};
 pub use scalar::Scalar;
 pub use shape::Shape;

@@ -6,9 +6,15 @@
 
 use std::cell::Cell;
 use std::ops::Range;
+#[cfg(feature = "parallel")]
+use std::sync::atomic::{AtomicU32, Ordering};
+#[cfg(feature = "parallel")]
+use std::sync::{Arc, Mutex, PoisonError};
 
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
+#[cfg(feature = "parallel")]
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Entries in one piece of cheap elementwise work: a few microseconds, many times the cost of
 /// handing a piece to another thread.
@@ -43,14 +49,16 @@ pub fn for_each_piece_mut<T: Send>(
 /// compiled once per type of entry and not for every operation.
 #[cfg(feature = "parallel")]
 fn share<T: Send>(data: &mut [T], piece: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
-    let pieces = data.par_chunks_mut(piece).with_max_len(PIECES_PER_TASK);
-    pieces.enumerate().for_each(|(k, chunk)| work(k, chunk));
+    in_living_pool(|| {
+        let pieces = data.par_chunks_mut(piece).with_max_len(PIECES_PER_TASK);
+        pieces.enumerate().for_each(|(k, chunk)| work(k, chunk));
+    });
 }
 
 /// The pieces of [`merge_ranges`] on the thread pool, by a reference to `work` as in [`share`].
 #[cfg(feature = "parallel")]
 fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> Vec<R> {
-    (0..pieces).into_par_iter().with_max_len(PIECES_PER_TASK).map(work).collect()
+    in_living_pool(|| (0..pieces).into_par_iter().with_max_len(PIECES_PER_TASK).map(work).collect())
 }
 
 /// Writes `value(k)` to the k-th item, for every k; pieces of `piece` items may be worked on at the same time.
@@ -85,9 +93,11 @@ pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     assert_eq!(count, b.len().div_ceil(of_b), "both are cut into equally many pieces");
     #[cfg(feature = "parallel")]
     if is_shared(count, 1) {
-        let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b));
-        let pairs = pairs.with_max_len(PIECES_PER_TASK).enumerate();
-        return pairs.for_each(|(k, (a, b))| work(k, a, b));
+        return in_living_pool(|| {
+            let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b));
+            let pairs = pairs.with_max_len(PIECES_PER_TASK).enumerate();
+            pairs.for_each(|(k, (a, b))| work(k, a, b));
+        });
     }
     let pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
     pairs.for_each(|(k, (a, b))| work(k, a, b));
@@ -161,7 +171,7 @@ pub fn join<A: Send, B: Send>(
 ) -> (A, B) {
     #[cfg(feature = "parallel")]
     if threads() > 1 {
-        return rayon::join(first, second);
+        return in_living_pool(|| rayon::join(first, second));
     }
     (first(), second())
 }
@@ -183,6 +193,62 @@ pub fn alone<R>(work: impl FnOnce() -> R) -> R {
     }
     let _before = Before(IS_ALONE.replace(true));
     work()
+}
+
+/// Runs `work` on `count` threads; on one, as [`alone`] does. Threads are started once and kept.
+///
+/// In a process that was forked they are started anew: those of its parent are not there. So are those that share work
+/// outside such a call.
+pub fn with_threads<R: Send>(count: usize, work: impl FnOnce() -> R + Send) -> R {
+    #[cfg(feature = "parallel")]
+    if count > 1
+        && let Some(pool) = pool_of(count)
+    {
+        return pool.install(work);
+    }
+    let _ = count;
+    alone(work)
+}
+
+/// The pools of [`with_threads`]: process, threads, pool. Those of a process that was forked stay, unused: their
+/// threads can't be waited for.
+#[cfg(feature = "parallel")]
+static POOLS: Mutex<Vec<(u32, usize, Arc<ThreadPool>)>> = Mutex::new(Vec::new());
+
+/// The pool of `count` threads; `None` where the system has no threads to give.
+#[cfg(feature = "parallel")]
+fn pool_of(count: usize) -> Option<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((.., pool)) =
+        pools.iter().find(|(of, threads, _)| (*of, *threads) == (process, count))
+    {
+        return Some(Arc::clone(pool));
+    }
+    let pool = Arc::new(ThreadPoolBuilder::new().num_threads(count).build().ok()?);
+    pools.push((process, count, Arc::clone(&pool)));
+    Some(pool)
+}
+
+/// The process that rayon's own pool was first used in; 0 before.
+#[cfg(feature = "parallel")]
+static FIRST_PROCESS: AtomicU32 = AtomicU32::new(0);
+
+/// Runs `work` in a pool whose threads are there: rayon's own one has lost them in a process that was forked after its
+/// first use, and would be waited for without end.
+#[cfg(feature = "parallel")]
+fn in_living_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let process = std::process::id();
+    let first = FIRST_PROCESS
+        .compare_exchange(0, process, Ordering::Relaxed, Ordering::Relaxed)
+        .unwrap_or_else(|first| first);
+    match first == 0 || first == process {
+        true => work(),
+        false => with_threads(rayon::current_num_threads(), work),
+    }
 }
 
 /// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work

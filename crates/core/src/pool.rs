@@ -16,6 +16,7 @@
 
 use std::sync::Arc;
 
+use crate::entries::Entries;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 
@@ -128,7 +129,8 @@ impl<T: Scalar> Pool<T> {
     }
 
     /// Takes a buffer back that was shared, unless somebody else still holds it.
-    pub(crate) fn give_shared(&mut self, mut shared: Arc<Vec<T>>) {
+    pub(crate) fn give_shared(&mut self, shared: Entries<T>) {
+        let Entries::Own(mut shared) = shared else { return };
         if let Some(buffer) = Arc::get_mut(&mut shared) {
             let buffer = std::mem::take(buffer);
             self.give(buffer);
@@ -191,7 +193,7 @@ mod tests {
         let address = buffer.as_ptr();
         let shared = pool.share(buffer);
         let shell = Arc::as_ptr(&shared);
-        pool.give_shared(shared);
+        pool.give_shared(Entries::Own(shared));
         let buffer = pool.take(7);
         assert_eq!(buffer.as_ptr(), address);
         assert_eq!(Arc::as_ptr(&pool.share(buffer)), shell);
@@ -201,7 +203,7 @@ mod tests {
     fn a_shared_buffer_is_never_recycled() {
         let mut pool = Pool::<f64>::default();
         let shared = Arc::new(vec![3.0; 2]);
-        pool.give_shared(Arc::clone(&shared));
+        pool.give_shared(Entries::Own(Arc::clone(&shared)));
         assert_eq!(pool.count(), 0);
         pool.take(2).fill(4.0);
         assert_eq!(*shared, [3.0, 3.0]);

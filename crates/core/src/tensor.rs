@@ -4,15 +4,17 @@ use std::fmt;
 use std::ops::{Index, IndexMut};
 use std::sync::Arc;
 
+use crate::entries::Entries;
 use crate::error::TensorError;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 
-/// A dense row-major array. Cloning shares the buffer; writing to a shared buffer copies it first.
+/// A dense row-major array. Cloning shares the buffer; writing to one that is shared, or somebody else's, copies it
+/// first.
 #[derive(Clone)]
 pub struct Tensor<T> {
     shape: Shape,
-    data: Arc<Vec<T>>,
+    data: Entries<T>,
 }
 
 impl<T: Scalar> Tensor<T> {
@@ -25,7 +27,25 @@ impl<T: Scalar> Tensor<T> {
         if shape.checked_size() != Some(data.len()) {
             return Err(TensorError::Length { shape, entries: data.len() });
         }
-        Ok(Self { shape, data: Arc::new(data) })
+        Ok(Self { shape, data: data.into() })
+    }
+
+    /// The array of `shape` with the entries of `owner`, row-major, which are read where they lie: those of an array of
+    /// another library, or of a file that is mapped.
+    ///
+    /// `owner` has to give the same entries each time: they may change only once nobody holds the tensor any more.
+    ///
+    /// # Errors
+    /// [`TensorError::Length`] unless there are as many entries as the shape has.
+    pub fn from_owner(
+        shape: impl Into<Shape>,
+        owner: Arc<dyn AsRef<[T]> + Send + Sync>,
+    ) -> Result<Self, TensorError> {
+        let (shape, data) = (shape.into(), Entries::from(owner));
+        if shape.checked_size() != Some(data.len()) {
+            return Err(TensorError::Length { shape, entries: data.len() });
+        }
+        Ok(Self { shape, data })
     }
 
     /// The array of `shape` whose entry at `[i, j, ...]` is `entry([i, j, ...])`, row by row:
@@ -61,8 +81,8 @@ impl<T: Scalar> Tensor<T> {
     /// Where the shape has more entries than fit into memory.
     pub fn from_flat_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> T) -> Self {
         let shape = shape.into();
-        let data = (0..shape.size_to_fill::<T>()).map(entry).collect();
-        Self { shape, data: Arc::new(data) }
+        let data: Vec<_> = (0..shape.size_to_fill::<T>()).map(entry).collect();
+        Self { shape, data: data.into() }
     }
 
     /// The array of `shape` with every entry `value`.
@@ -72,7 +92,7 @@ impl<T: Scalar> Tensor<T> {
     pub fn full(shape: impl Into<Shape>, value: T) -> Self {
         let shape = shape.into();
         let data = vec![value; shape.size_to_fill::<T>()];
-        Self { shape, data: Arc::new(data) }
+        Self { shape, data: data.into() }
     }
 
     /// The array of `shape` with every entry 0.
@@ -103,9 +123,9 @@ impl<T: Scalar> Tensor<T> {
         &self.data
     }
 
-    /// The entries for writing; copies the buffer first where it is shared.
+    /// The entries for writing; copies the buffer first where it is shared or somebody else's.
     pub fn data_mut(&mut self) -> &mut [T] {
-        Arc::make_mut(&mut self.data).as_mut_slice()
+        self.data.make_mut()
     }
 
     /// The only entry: the value of a scalar, whatever its rank.
@@ -126,7 +146,7 @@ impl<T: Scalar> Tensor<T> {
         if shape.checked_size() != Some(self.size()) {
             return Err(TensorError::Length { shape, entries: self.size() });
         }
-        Ok(Self { shape, data: Arc::clone(&self.data) })
+        Ok(Self { shape, data: self.data.clone() })
     }
 
     /// The array of `f(entry)`.
@@ -145,13 +165,13 @@ impl<T: Scalar> Tensor<T> {
     }
 
     /// A tensor around a buffer of the right length.
-    pub(crate) fn from_parts(shape: Shape, data: Arc<Vec<T>>) -> Self {
+    pub(crate) fn from_parts(shape: Shape, data: Entries<T>) -> Self {
         debug_assert_eq!(shape.size(), data.len());
         Self { shape, data }
     }
 
     /// Shape and buffer, given up.
-    pub(crate) fn into_parts(self) -> (Shape, Arc<Vec<T>>) {
+    pub(crate) fn into_parts(self) -> (Shape, Entries<T>) {
         (self.shape, self.data)
     }
 }
@@ -195,13 +215,13 @@ impl<T: Clone, const N: usize> IndexMut<[usize; N]> for Tensor<T> {
     #[track_caller]
     fn index_mut(&mut self, index: [usize; N]) -> &mut T {
         let offset = self.offset_of(index);
-        &mut Arc::make_mut(&mut self.data)[offset]
+        &mut self.data.make_mut()[offset]
     }
 }
 
 impl<T: PartialEq> PartialEq for Tensor<T> {
     fn eq(&self, other: &Self) -> bool {
-        self.shape == other.shape && self.data == other.data
+        self.shape == other.shape && *self.data == *other.data
     }
 }
 

@@ -3,8 +3,7 @@
 //! When a step ends, a small value stays in its place with its shape and buffer: a step that repeats
 //! the last one finds there what it needs. The buffer of a large one goes to whoever needs one first.
 
-use std::sync::Arc;
-
+use crate::entries::Entries;
 use crate::pool::{Pool, is_large};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -17,7 +16,7 @@ enum Buffer<T> {
     Own(Vec<T>),
     /// Known under several names, on the tape or outside.
     Shared {
-        data: Arc<Vec<T>>,
+        data: Entries<T>,
         /// Whether it goes back to the pool from here: not for what a user handed in, nor for a
         /// second name of a buffer that another value returns.
         pooled: bool,
@@ -83,7 +82,7 @@ impl<T: Scalar> Value<T> {
     }
 
     /// Makes this a second name of a buffer that somebody else returns.
-    pub(crate) fn rename(&mut self, shape: Shape, data: Arc<Vec<T>>, pool: &mut Pool<T>) {
+    pub(crate) fn rename(&mut self, shape: Shape, data: Entries<T>, pool: &mut Pool<T>) {
         debug_assert_eq!(shape.size(), data.len());
         self.release(pool);
         self.buffer = Buffer::Shared { data, pooled: false };
@@ -112,13 +111,13 @@ impl<T: Scalar> Value<T> {
     }
 
     /// The buffer, from now on shared.
-    pub(crate) fn share(&mut self, pool: &mut Pool<T>) -> Arc<Vec<T>> {
+    pub(crate) fn share(&mut self, pool: &mut Pool<T>) -> Entries<T> {
         if let Buffer::Own(entries) = &mut self.buffer {
-            let data = pool.share(std::mem::take(entries));
+            let data = Entries::Own(pool.share(std::mem::take(entries)));
             self.buffer = Buffer::Shared { data, pooled: true };
         }
         let Buffer::Shared { data, .. } = &self.buffer else { unreachable!("it was just shared") };
-        Arc::clone(data)
+        data.clone()
     }
 
     /// Lets go of what is shared or large, and keeps the rest for the next step.

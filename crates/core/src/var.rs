@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::error::TensorError;
 use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -94,14 +95,36 @@ impl<T: Scalar> Tape<T> {
     /// A variable with a gradient that starts as a copy of `tensor`, in recycled memory: `tensor`
     /// can then be written to without a copy of its own.
     pub fn leaf_copied(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(true, |value, pool| {
-            value.renew(tensor.shape(), pool).copy_from_slice(tensor.data());
-        })
+        self.push_copy(true, tensor.shape(), tensor.data())
+    }
+
+    /// [`Tape::leaf_copied`] of the entries of an array of `shape`, row-major, that is no tensor.
+    ///
+    /// # Errors
+    /// [`TensorError::Length`] unless there are as many entries as the shape has.
+    pub fn leaf_of(
+        &self,
+        shape: impl Into<Shape>,
+        entries: &[T],
+    ) -> Result<Var<'_, T>, TensorError> {
+        Ok(self.push_copy(true, &checked(shape, entries)?, entries))
     }
 
     /// A value without a gradient. Shares the buffer of `tensor`.
     pub fn constant(&self, tensor: &Tensor<T>) -> Var<'_, T> {
         self.push(false, |value, pool| value.hold(tensor, pool))
+    }
+
+    /// A value without a gradient: a copy of the entries of an array of `shape`, row-major, in recycled memory.
+    ///
+    /// # Errors
+    /// As [`Tape::leaf_of`].
+    pub fn constant_of(
+        &self,
+        shape: impl Into<Shape>,
+        entries: &[T],
+    ) -> Result<Var<'_, T>, TensorError> {
+        Ok(self.push_copy(false, &checked(shape, entries)?, entries))
     }
 
     /// A scalar variable with a gradient.
@@ -122,6 +145,10 @@ impl<T: Scalar> Tape<T> {
     /// A value of `shape` without a gradient, every entry `number`.
     pub fn constant_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
         self.push_full(false, shape.into(), number)
+    }
+
+    fn push_copy(&self, needs: bool, shape: &Shape, entries: &[T]) -> Var<'_, T> {
+        self.push(needs, |value, pool| value.renew(shape, pool).copy_from_slice(entries))
     }
 
     fn push_full(&self, needs: bool, shape: Shape, number: T) -> Var<'_, T> {
@@ -149,6 +176,15 @@ impl<T: Scalar> Tape<T> {
     /// ([`Var::backward_to`]) shows the gradient at each.
     pub fn variables(&self) -> impl ExactSizeIterator<Item = Var<'_, T>> {
         (0..self.len()).map(|index| Var { tape: self, index: index as u32 })
+    }
+}
+
+/// The shape of an array, which has to have as many entries.
+fn checked<T>(shape: impl Into<Shape>, entries: &[T]) -> Result<Shape, TensorError> {
+    let shape = shape.into();
+    match shape.checked_size() {
+        Some(size) if size == entries.len() => Ok(shape),
+        _ => Err(TensorError::Length { shape, entries: entries.len() }),
     }
 }
 

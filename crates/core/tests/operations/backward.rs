@@ -29,6 +29,21 @@ fn a_variable_used_many_times_collects_all_its_terms() {
 }
 
 #[test]
+fn a_gradient_that_was_taken_is_the_takers_alone() {
+    let mut tape = Tape::new();
+    for _ in 0..2 {
+        let x = tape.leaf_full([3], 2.0);
+        let mut gradients = x.square().sum().backward().unwrap();
+        let address = gradients.get(x).unwrap().data().as_ptr();
+        let taken = Vec::from(gradients.take(x).unwrap());
+        assert_eq!((taken.as_ptr(), &taken[..]), (address, &[4.0; 3][..]));
+        assert_eq!((gradients.take(x), gradients.get(x)), (None, None));
+        drop(gradients);
+        tape.reset();
+    }
+}
+
+#[test]
 fn a_pass_to_some_leaves_gives_the_same_bits_and_skips_what_leads_to_none() {
     let tape = Tape::new();
     let [x, y] = [0.3, 0.9].map(|number| tape.leaf(&Tensor::full([5], number)));

@@ -40,6 +40,7 @@ mod powf;
 mod powi;
 mod products;
 mod record;
+mod recording;
 mod relu;
 mod report;
 mod reshape;

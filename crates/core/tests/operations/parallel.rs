@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use bokashi_core::parallel::{
     ENTRIES_PER_PIECE, alone, for_each_piece_mut, for_each_two_pieces_mut, for_each_zipped_mut,
-    is_shared, join, merge_ranges, merge_ranges_into, threads, write_each,
+    is_shared, join, merge_ranges, merge_ranges_into, threads, with_threads, write_each,
 };
 
 #[test]
@@ -77,4 +77,20 @@ fn zipped_entries_stay_beside_each_other_across_pieces() {
     let mut sums = vec![1; length];
     for_each_zipped_mut(&mut sums, [&numbers, &numbers], |sum, [a, b]| *sum += a + b);
     assert!(sums.iter().enumerate().all(|(k, &sum)| sum == 1 + 2 * k));
+}
+
+#[test]
+fn work_runs_on_as_many_threads_as_asked_for_and_pools_are_kept() {
+    for count in [1, 3, 2, 3, 0] {
+        let of_call = with_threads(count, || (threads(), std::thread::current().id()));
+        let expected = if cfg!(feature = "parallel") { count.max(1) } else { 1 };
+        assert_eq!(of_call.0, expected);
+        assert_eq!(of_call.1 == std::thread::current().id(), expected == 1);
+        let sums = with_threads(count, || {
+            let mut data = vec![0; 100];
+            for_each_piece_mut(&mut data, 7, |k, piece| piece.fill(k));
+            data
+        });
+        assert!((0..).zip(sums).all(|(k, sum)| sum == k / 7));
+    }
 }

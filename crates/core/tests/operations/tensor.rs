@@ -1,6 +1,7 @@
 use std::panic::catch_unwind;
+use std::sync::Arc;
 
-use bokashi_core::Tensor;
+use bokashi_core::{Tape, Tensor};
 
 #[test]
 fn data_must_fill_the_shape() {
@@ -48,6 +49,33 @@ fn an_index_outside_the_shape_is_refused_even_where_the_buffer_has_a_place() {
 fn an_item_is_the_only_one() {
     assert_eq!(Tensor::full([1, 1], 5.0_f64).item(), 5.0);
     Tensor::<f32>::zeros([2]).item();
+}
+
+#[test]
+fn entries_of_somebody_else_are_read_where_they_lie_and_copied_before_they_are_written_to() {
+    let owner = Arc::new(vec![1.0, 2.0, 3.0, 4.0]);
+    let theirs = Tensor::<f64>::from_owner([2, 2], owner.clone()).unwrap();
+    assert!(std::ptr::eq(theirs.data(), owner.as_slice()));
+    assert_eq!(theirs, Tensor::new([2, 2], owner.to_vec()).unwrap());
+    let error = Tensor::<f64>::from_owner([3], owner.clone()).unwrap_err();
+    assert_eq!(error.to_string(), "shape [3] needs 3 entries, got 4");
+    // On a tape, and as an upstream gradient.
+    let mut tape = Tape::new();
+    let x = tape.leaf(&theirs);
+    assert!(std::ptr::eq(x.value().data(), owner.as_slice()));
+    let gradients = tape.vjp(&[(x + x, &theirs)]).unwrap();
+    assert_eq!(gradients.get(x).unwrap().data(), [2.0, 4.0, 6.0, 8.0]);
+    drop(gradients);
+    tape.recycle(x.value());
+    tape.reset();
+    let mut own = theirs.clone();
+    own[[0, 0]] = 7.0;
+    assert_eq!(
+        (own.data(), Vec::from(theirs.clone())),
+        (&[7.0, 2.0, 3.0, 4.0][..], owner.to_vec())
+    );
+    drop(theirs);
+    assert_eq!(Arc::strong_count(&owner), 1);
 }
 
 #[test]

@@ -6,11 +6,13 @@ fn leaves_and_constants_come_as_tensors_as_scalars_and_full() {
     let leaves = [
         tape.leaf(&Tensor::full([], 2.0)),
         tape.leaf_copied(&Tensor::full([], 2.0)),
+        tape.leaf_of([], &[2.0]).unwrap(),
         tape.leaf_scalar(2.0),
         tape.leaf_full([], 2.0),
     ];
     let constants = [
         tape.constant(&Tensor::full([], 2.0)),
+        tape.constant_of([], &[2.0]).unwrap(),
         tape.constant_scalar(2.0),
         tape.constant_full([], 2.0),
     ];
@@ -19,6 +21,9 @@ fn leaves_and_constants_come_as_tensors_as_scalars_and_full() {
     assert!(leaves.iter().all(|leaf| leaf.needs_gradient()));
     assert!(!constants.iter().any(|constant| constant.needs_gradient()));
     assert_eq!(*tape.leaf_full([2, 1], 3.0).value().shape(), [2, 1].into());
+    for refused in [tape.leaf_of([2, 1], &[1.0; 3]), tape.constant_of([2, 1], &[1.0; 3])] {
+        assert_eq!(refused.unwrap_err().to_string(), "shape [2, 1] needs 2 entries, got 3");
+    }
 }
 
 #[test]
