@@ -5,7 +5,7 @@ use std::cell::Cell;
 use bokashi_catalogue::blends;
 use bokashi_catalogue::scenes::{Scene, motley, scenes};
 use bokashi_core::{Tape, Tensor};
-use bokashi_render_ops::{Composite, antialias, rasterize};
+use bokashi_render_ops::{antialias_image, rasterize};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
@@ -20,8 +20,7 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 let clip = tape.leaf(&clip);
                 let fragments = rasterize(clip, &mesh, size).unwrap();
                 let image = Tensor::from_flat_fn([size.height, size.width, 1], motley);
-                let out = Composite::from_image(tape.leaf(&image), &fragments).unwrap();
-                let out = antialias(out).unwrap().image().unwrap().value();
+                let out = antialias_image(tape.leaf(&image), &fragments).unwrap().value();
                 // Shares that add up to more than 1 are divided by their sum.
                 let mut moved = vec![[0.0; 2]; image.data().len()];
                 for blend in blends::blends(&fragments, &clip.value()) {

@@ -18,7 +18,6 @@ use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
 use crate::picture::{Composite, Picture, checked_channels};
-use crate::size::Size;
 
 const NAME: &str = "composite";
 
@@ -64,38 +63,6 @@ impl<'t, T: Scalar> Composite<'t, T> {
         }
         Ok(Self(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
     }
-
-    /// The picture of a dense `image: [H, W, C]`, for whoever shades images before they are
-    /// antialiased: its covered pixels are values, and all others an image in the background. It costs
-    /// two copies of the image where [`composite`] costs nothing. The image must not have been
-    /// antialiased: no type says so of a dense image.
-    ///
-    /// # Errors
-    /// [`RenderError::Shape`] unless the image is `[H, W, C]`, C > 0, of the fragments' size, and for
-    /// fragments that are not whole; [`RenderError::ExactCoverage`] for fragments with exact coverage;
-    /// `TensorError::ForeignVariable` for variables of several tapes.
-    pub fn from_image(
-        image: Var<'t, T>,
-        fragments: &Fragments<'t, T>,
-    ) -> Result<Self, RenderError> {
-        let coverage = fragments.checked_coverage(NAME, image.tape())?;
-        coverage.check_centers(NAME)?;
-        let size = coverage.size();
-        let &[height, width, channels] = &*image.shape() else {
-            return Err(not_an_image(size, image));
-        };
-        if [height, width] != [size.height, size.width] || channels == 0 {
-            return Err(not_an_image(size, image));
-        }
-        let pixels: Arc<[u32]> = coverage.pixels().map(|pixel| pixel as u32).collect();
-        let values = image.reshape([size.pixels(), channels])?.gather_rows(&pixels)?;
-        Self::from_values(values, fragments, Background::Image(image))
-    }
-}
-
-fn not_an_image<T: Scalar>(size: Size, given: Var<'_, T>) -> RenderError {
-    let rule = format!("an image of shape [{}, {}, C], C > 0", size.height, size.width);
-    RenderError::Shape { operation: NAME, rule, shape: given.shape() }
 }
 
 /// Inputs: values `[N, C]`, weights `[K]` of the pieces, a background `[C]` or `[H, W, C]`.

@@ -11,7 +11,8 @@ use bokashi_core::Scalar;
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
-use crate::runs::{Run, Runs};
+use crate::run_reader::{BandRuns, RunReader};
+use crate::runs::{Run, Runs, rows_per_band};
 use crate::size::Size;
 
 /// Which faces cover which pixels: whole numbers, so not differentiable by type.
@@ -35,8 +36,19 @@ pub struct Coverage {
     /// Whether pictures of it are antialiased.
     pub(crate) antialias: bool,
     /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
-    /// zero within rounding, or where that side is culled.
+    /// zero within rounding, or where that side is culled. Empty where nobody knows them.
     pub(crate) orientations: Vec<i8>,
+}
+
+/// Neighbouring pixels of a row that see one face.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PixelRun {
+    /// The index of the face.
+    pub face: usize,
+    /// The pixels, `row * width + column`.
+    pub pixels: Range<usize>,
+    /// Their fragments, as many.
+    pub fragments: Range<usize>,
 }
 
 /// How many faces were not drawn, and why.
@@ -68,6 +80,64 @@ impl Coverage {
         }
     }
 
+    /// The coverage of an image of triangle ids: per pixel, row by row from the top, the index of its face plus 1, or 0
+    /// for the background. So it comes back from [`Coverage::triangle_ids`], or from another renderer.
+    ///
+    /// Nobody knows which way its faces turn, which [`antialias`](crate::antialias()) asks for:
+    /// [`Coverage::with_orientations`] says so.
+    ///
+    /// # Errors
+    /// [`RenderError::ImageSize`] for an image without pixels; [`RenderError::Shape`] unless there is an id per pixel;
+    /// [`RenderError::TriangleId`] for an id above the number of faces.
+    pub fn from_ids(mesh: &Mesh, size: Size, ids: &[u32]) -> Result<Self, RenderError> {
+        size.checked()?;
+        if ids.len() != size.pixels() {
+            let rule = format!("an id for each of the {} pixels", size.pixels());
+            return Err(RenderError::shape("Coverage::from_ids", rule, &[ids.len()].into()));
+        }
+        let faces = mesh.faces().len();
+        if let Some(pixel) = ids.iter().position(|&id| id as usize > faces) {
+            return Err(RenderError::TriangleId { pixel, id: ids[pixel], faces });
+        }
+        let mut coverage = Self::empty(mesh.clone(), size);
+        let (mut reader, mut row) = (RunReader::default(), Vec::new());
+        let mut bands = Vec::new();
+        for (k, ids) in ids.chunks(size.width * rows_per_band(size)).enumerate() {
+            let mut band = BandRuns::default();
+            let mut pixel = k * size.width * rows_per_band(size);
+            reader.begin(faces, &mut band);
+            for ids in ids.chunks(size.width) {
+                reader.begin_row(&mut band);
+                row.clear();
+                // The background's 0 becomes the number that stands for no face.
+                row.extend(ids.iter().map(|id| id.wrapping_sub(1)));
+                reader.read(&row, pixel as u32, &mut band);
+                pixel += size.width;
+            }
+            reader.end(|face| face, &mut band);
+            bands.push(band);
+        }
+        coverage.join_centers(bands.iter());
+        Ok(coverage)
+    }
+
+    /// Joins what was seen at pixel centres in the bands, from the top.
+    pub(crate) fn join_centers<'a>(&mut self, bands: impl Iterator<Item = &'a BandRuns>) {
+        let Self { centers, by_pixel, row_starts, covered, .. } = self;
+        centers.clear();
+        by_pixel.clear();
+        row_starts.clear();
+        covered.clear();
+        for band in bands {
+            let before = centers.runs.len() as u32;
+            centers.add_band(&band.runs);
+            by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
+            row_starts.extend(band.row_starts.iter().map(|start| before + start));
+            covered.extend(&band.covered);
+        }
+        row_starts.push(centers.runs.len() as u32);
+    }
+
     /// The number of fragments, N.
     pub fn count(&self) -> usize {
         self.centers.count + self.pieces.count
@@ -91,6 +161,55 @@ impl Coverage {
     /// Each fragment's pixel, `row * width + column`.
     pub fn pixels(&self) -> impl Iterator<Item = usize> + Clone + '_ {
         self.centers.runs.iter().chain(&self.pieces.runs).flat_map(Run::pixels)
+    }
+
+    /// The runs of the fragments: neighbouring pixels of a row that see one face, in the order of their fragments. Pieces
+    /// of boundary pixels come last, each a run of its own.
+    ///
+    /// So a dense image of fragments is written in pieces, and an array of another renderer read: see
+    /// [`Coverage::scatter`] and [`Coverage::gather`].
+    pub fn runs(&self) -> impl Iterator<Item = PixelRun> + Clone + '_ {
+        self.kinds().into_iter().flat_map(|(runs, before)| {
+            runs.runs.iter().map(move |run| PixelRun {
+                face: runs.face_of(run),
+                pixels: run.pixels(),
+                fragments: before + run.fragments().start..before + run.fragments().end,
+            })
+        })
+    }
+
+    /// Writes the rows of `values: [N, width]` of fragments at pixel centres to `image: [H, W, width]`, whose other
+    /// pixels stay as they are. Pieces of boundary pixels are left out: [`composite`](crate::composite()) adds them up.
+    ///
+    /// # Panics
+    /// Unless both have as many entries as their shapes.
+    pub fn scatter<T: Copy>(&self, values: &[T], width: usize, image: &mut [T]) {
+        self.check_lengths(values, width, image);
+        for run in &self.centers.runs {
+            let [pixels, fragments] =
+                [run.pixels(), run.fragments()].map(|of| width * of.start..width * of.end);
+            image[pixels].copy_from_slice(&values[fragments]);
+        }
+    }
+
+    /// Reads the rows of `values: [N, width]` of fragments at pixel centres from `image: [H, W, width]`; as
+    /// [`Coverage::scatter`].
+    ///
+    /// # Panics
+    /// As [`Coverage::scatter`].
+    pub fn gather<T: Copy>(&self, image: &[T], width: usize, values: &mut [T]) {
+        self.check_lengths(values, width, image);
+        for run in &self.centers.runs {
+            let [pixels, fragments] =
+                [run.pixels(), run.fragments()].map(|of| width * of.start..width * of.end);
+            values[fragments].copy_from_slice(&image[pixels]);
+        }
+    }
+
+    fn check_lengths<T>(&self, values: &[T], width: usize, image: &[T]) {
+        let expected = [self.count(), self.size.pixels()].map(|count| count * width);
+        let given = [values.len(), image.len()];
+        assert_eq!(given, expected, "rows of fragments and of pixels have {width} entries each");
     }
 
     /// The fragment of `pixel`, where it is covered; in a boundary pixel the largest piece. Nothing
@@ -152,6 +271,16 @@ impl Coverage {
             return Err(RenderError::ExactCoverage { operation, pixels });
         }
         Ok(())
+    }
+
+    /// # Errors
+    /// [`RenderError::ExactCoverage`] for anything but fragments at pixel centres; [`RenderError::NoOrientations`] where
+    /// nobody knows which way faces turn.
+    pub(crate) fn check_silhouettes(&self, operation: &'static str) -> Result<(), RenderError> {
+        if self.orientations.len() != self.mesh.faces().len() {
+            return Err(RenderError::NoOrientations { operation });
+        }
+        self.check_centers(operation)
     }
 
     /// How the pixels of [`Coverage::boundary`] were resolved.

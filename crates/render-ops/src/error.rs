@@ -32,6 +32,28 @@ pub enum RenderError {
         vertex_count: usize,
     },
 
+    /// An image of triangle ids refers to a face that does not exist.
+    #[error(
+        "a triangle id needs to be at most the number of faces, {faces}, got {id} at pixel {pixel}"
+    )]
+    TriangleId {
+        /// The pixel.
+        pixel: usize,
+        /// The id given, the index of a face plus 1.
+        id: u32,
+        /// The number of faces.
+        faces: usize,
+    },
+
+    /// Silhouettes are looked for in coverage that does not know which way faces turn.
+    #[error(
+        "{operation} needs to know which way faces turn: `coverage.with_orientations(&clip, cull)`"
+    )]
+    NoOrientations {
+        /// The operation.
+        operation: &'static str,
+    },
+
     /// A mesh has too many faces or vertices for 32-bit indices.
     #[error("a mesh needs fewer than 2^31 faces and vertices, got {given}")]
     MeshSize {
@@ -117,6 +139,17 @@ pub enum RenderError {
          `options.creases(&[colors.into()])`, or `&[]` for none that varies, got options alone"
     )]
     UnnamedCreases,
+
+    /// A range of faces ends before it begins, or beyond the mesh.
+    #[error("a part of a mesh needs a range of its {faces} faces, got {start}..{end}")]
+    MeshPart {
+        /// The first face given.
+        start: usize,
+        /// The end given.
+        end: usize,
+        /// The number of faces.
+        faces: usize,
+    },
 
     /// A word that names no kind of silhouettes.
     #[error("silhouettes need to be aliased, antialias or exact, got {given:?}")]

@@ -31,12 +31,12 @@
 //! |---|---|
 //! | cameras | [`project()`], [`project_instances()`], [`Pose`]; on the tape [`pinhole()`], [`orthographic()`], [`rigid()`], [`se3`], [`affine_inverse()`]; lenses [`distort()`], [`fisheye()`]; fixed ones in [`camera`] |
 //! | meshes | [`Mesh`], [`Assembly`] of several; [`face_normals()`], [`vertex_normals()`], [`tangents()`], [`transform_points()`], [`transform_normals()`], [`perturbed_normals()`] |
-//! | visibility | [`rasterize()`] with [`RasterOptions`], [`Sampling`] and [`Cull`] gives [`Fragments`]; [`rasterize_behind()`], [`depth_layers()`] |
+//! | visibility | [`rasterize()`] with [`RasterOptions`], [`Sampling`] and [`Cull`] gives [`Fragments`]; [`Coverage`], also of [triangle ids](Coverage::from_ids); [`rasterize_behind()`], [`depth_layers()`] |
 //! | at fragments | [`interpolate()`], [`interpolate_indexed()`], [`depth()`], [`eye_depth()`], [`eye_depth_slope()`], [`differentials()`], [`interpolate_differentials()`] |
 //! | textures | [`sample_texture()`] of a [`Texture`], [`sample_cube_map()`] of a [`CubeMap`], with a [`Sampler`] |
 //! | light | [`shade()`] a [`Surface`] of a [`Material`] under [`Light`]s; [`Environment`], [`irradiance()`], [`reflect()`] |
 //! | a picture in one call | [`render()`] with [`RasterOptions`] and [`Silhouettes`]; after a shader [`Fragments::picture`] |
-//! | pictures | [`composite()`] before a [`Background`], [`antialias()`], [`Picture`], [`composite_layers()`], [`over()`] |
+//! | pictures | [`composite()`] before a [`Background`], [`antialias()`], [`antialias_image()`], [`Picture`], [`composite_layers()`], [`over()`] |
 //! | through a lens | [`lens_picture()`] of a [`LensLayer`] and those behind it, by a [`ThinLens`] |
 //! | images | [`gaussian_blur()`], [`depth_of_field()`], [`downsample()`], [`srgb_encode()`], [`srgb_decode()`], [`exposure()`] |
 //! | losses of pictures | [`Picture::loss`] and [`Blurred::loss`] by a [`PixelLoss`], at the cost of what is covered |
@@ -116,6 +116,7 @@ mod render;
 mod rotation;
 mod row_map;
 mod rows;
+mod run_reader;
 mod runs;
 mod scratch;
 mod shading;
@@ -132,7 +133,7 @@ mod vector;
 mod vertex_attributes;
 mod vertex_normals;
 
-pub use antialias::antialias;
+pub use antialias::{antialias, antialias_image};
 pub use assembly::{Assembly, Place};
 pub use background::Background;
 pub use border::Border;
@@ -140,7 +141,7 @@ pub use boundary::BoundaryCounts;
 pub use camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid, se3};
 pub use composite::composite;
 pub use composite_layers::{Layer, composite_layers};
-pub use coverage::{Coverage, Culled};
+pub use coverage::{Coverage, Culled, PixelRun};
 pub use defocus::Iris;
 pub use depth::depth;
 pub use depth_image::DepthImage;

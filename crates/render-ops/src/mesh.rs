@@ -1,5 +1,6 @@
 //! Triangle meshes: which vertices make a face, and which faces share an edge.
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use crate::corners::Corners;
@@ -77,6 +78,19 @@ impl Mesh {
             |(mesh, _): (&'a Self, usize)| (0..mesh.faces().len()).map(|face| mesh.seams_of(face));
         let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Arc::default() };
         Ok(Self::from_checked(faces.collect(), vertex_count, seams))
+    }
+
+    /// Some neighbouring faces over the same vertices; seams stay seams.
+    ///
+    /// # Errors
+    /// [`RenderError::MeshPart`] for a range that is not one of the faces.
+    pub fn part(&self, faces: Range<usize>) -> Result<Self, RenderError> {
+        let Range { start, end } = faces;
+        let Some(part) = self.faces().get(start..end) else {
+            return Err(RenderError::MeshPart { start, end, faces: self.faces().len() });
+        };
+        let seams = self.seams.get(start..end).unwrap_or_default();
+        Ok(Self::from_checked(part.to_vec(), self.vertex_count(), seams.into()))
     }
 
     /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
@@ -310,5 +324,23 @@ mod tests {
         let clone = mesh.clone();
         assert!(std::ptr::eq(mesh.adjacency(), clone.adjacency()));
         assert!(std::ptr::eq(mesh.corners(), clone.corners()));
+    }
+
+    #[test]
+    fn a_part_has_its_own_neighbours_and_the_seams_it_had() {
+        let mesh = Mesh::new(vec![[0, 1, 2], [2, 1, 3], [3, 1, 4]], 5).unwrap();
+        let creased = mesh.with_seams(|face, corner| (face, corner) == (1, 0));
+        let part = creased.part(1..3).unwrap();
+        assert_eq!((part.faces(), part.vertex_count()), (&mesh.faces()[1..], 5));
+        assert_eq!([0, 1, 2].map(|corner| part.is_seam(0, corner)), [true, false, false]);
+        assert_eq!((part.adjacency().across(0, 0), part.adjacency().across(0, 2)), (Some(4), None));
+        assert!(mesh.part(3..3).unwrap().faces().is_empty());
+        #[expect(clippy::reversed_empty_ranges, reason = "it is refused")]
+        for (start, end) in [(2, 4), (2, 1)] {
+            assert_eq!(
+                mesh.part(start..end).unwrap_err(),
+                RenderError::MeshPart { start, end, faces: 3 }
+            );
+        }
     }
 }

@@ -4,7 +4,7 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use glam::DMat4;
 
-use crate::antialias::antialias;
+use crate::antialias::{antialias, antialias_image};
 use crate::background::Background;
 use crate::border::Border;
 use crate::camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid, se3};
@@ -93,6 +93,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let layer = Layer { fragments: &fragments, premultiplied: values, alpha: samples[0] };
     composite_layers(&[layer], Background::Zero)?;
     over(samples[0], samples[1])?;
+    antialias_image(x, &fragments)?;
     let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
     let loss = PixelLoss::squared(&x.value(), &x.value())?;
     picture.loss(&loss)?;

@@ -33,6 +33,7 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020, section 3.5.
 
+mod dense;
 mod discontinuity;
 mod pairs;
 mod sorting;
@@ -45,6 +46,7 @@ use bokashi_core::parallel::{
 };
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
+pub use self::dense::antialias_image;
 use self::discontinuity::{Blend, Outline};
 use self::pairs::Pair;
 use self::sorting::Sorting;
@@ -65,14 +67,15 @@ use crate::size::Size;
 /// along silhouettes, and of a copy of the values; where no silhouette is in sight there is none.
 ///
 /// # Errors
-/// [`RenderError::ExactCoverage`] for fragments with exact coverage.
+/// [`RenderError::ExactCoverage`] for fragments with exact coverage; [`RenderError::NoOrientations`] for coverage of ids
+/// alone.
 #[inline(never)]
 pub fn antialias<'t, T: Scalar>(
     composite: Composite<'t, T>,
 ) -> Result<Picture<'t, T>, RenderError> {
     let Composite(picture) = composite;
     let Picture { values, backdrop, clip, coverage, .. } = &picture;
-    coverage.check_centers("antialias")?;
+    coverage.check_silhouettes("antialias")?;
     let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
     let inputs = [*clip, *values, backdrop.values];
     let (outputs, rim) =
@@ -452,6 +455,15 @@ impl<T: Scalar> SavedBlends<T> {
         self.ranges = ranges;
     }
 
+    /// The bytes that the blends hold, for reports.
+    fn bytes(&self) -> usize {
+        size_of_val(self.blends.as_slice())
+            + size_of_val(self.rows.as_slice())
+            + size_of_val(self.steps.as_slice())
+            + size_of_val(self.joint.as_slice())
+            + size_of_val(self.found.as_slice())
+    }
+
     /// The ranges of what is blended at pixels with several blends, from the aliased values `out`.
     fn find_ranges(&self, out: &[T], channels: usize, ranges: &mut Vec<[T; 2]>) {
         ranges.clear();
@@ -671,11 +683,6 @@ impl<T: Scalar> Op<T> for Antialias {
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        size_of_val(saved.blends.as_slice())
-            + size_of_val(saved.rows.as_slice())
-            + size_of_val(saved.steps.as_slice())
-            + size_of_val(saved.joint.as_slice())
-            + size_of_val(saved.found.as_slice())
-            + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
+        saved.bytes() + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }

@@ -24,10 +24,11 @@ use bokashi_core::Scalar;
 use pulp::{Simd, WithSimd};
 
 use super::filter::{DIGITS, EIGHT, EMPTY, Eight};
-use super::plane::{NO_FACE, Plane};
+use super::plane::Plane;
 use super::prepared::Prepared;
 use super::spans::RowOfPixels;
 use crate::coverage::Coverage;
+use crate::run_reader::NO_FACE;
 
 /// Memory for the layers of a band.
 #[derive(Debug, Default)]

@@ -8,12 +8,13 @@ use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFaces;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::filter::{EIGHT, Octet};
-use super::plane::{NO_FACE, Plane};
-use super::prepared::{NO_SLOT, Prepared};
+use super::plane::Plane;
+use super::prepared::Prepared;
 use super::setup::Weights;
 use super::spans::RowOfPixels;
 use crate::dispatch::dispatch_256;
-use crate::runs::{Run, Runs, Slot};
+use crate::run_reader::{BandRuns, NO_FACE, RunReader};
+use crate::runs::Runs;
 use crate::size::Size;
 
 /// Gives a list `length` entries, whatever they are.
@@ -23,13 +24,10 @@ pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
     }
 }
 
-/// What is seen in a band, counted from its first run, slot and fragment.
+/// What is seen in a band.
 #[derive(Debug, Default)]
 pub(super) struct Band<T: Scalar> {
-    pub(super) runs: Runs,
-    pub(super) by_pixel: Vec<u32>,
-    pub(super) row_starts: Vec<u32>,
-    pub(super) covered: Vec<[u32; 2]>,
+    pub(super) seen: BandRuns,
     /// Per slot: what the weights u and v of its fragments follow from.
     weights: Vec<Weights<T::Wide>>,
     pub(super) pieces: Pieces<T::Wide>,
@@ -46,51 +44,11 @@ pub(super) struct Canvas<T: Scalar> {
     plane: Plane,
     /// Per face of the band: whether some pixel that it covered had to be settled.
     were_settled: Vec<bool>,
-    /// Per face of the band: its slot, once it was seen.
-    slot_of: Vec<u32>,
-    /// Per slot: the position of its face in the band.
-    drawn_of_slot: Vec<u32>,
-    /// What was read, by pixel, without fragments yet.
-    read: Vec<Run>,
-    /// Per slot: how many runs it has, then where in the order of slots its next run goes.
-    places: Vec<u32>,
+    reader: RunReader,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling,
     /// Per layer: the bands.
     pub(super) bands: Vec<Vec<Band<T>>>,
-}
-
-/// Where the runs of a row are written down.
-struct Reader<'a> {
-    covered: &'a mut Vec<[u32; 2]>,
-    slot_of: &'a mut [u32],
-    drawn_of_slot: &'a mut Vec<u32>,
-    places: &'a mut Vec<u32>,
-    read: &'a mut Vec<Run>,
-}
-
-impl Reader<'_> {
-    /// Reads `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
-    #[inline(always)]
-    fn read(&mut self, drawn: u32, pixel: u32, length: u32) {
-        if drawn == NO_FACE {
-            return;
-        }
-        match self.covered.last_mut() {
-            Some([_, end]) if *end == pixel => *end += length,
-            _ => self.covered.push([pixel, pixel + length]),
-        }
-        // Slots are numbered as they are seen, so that their order, and with it the order of
-        // all sums, does not depend on that of the mesh's faces.
-        let slot = &mut self.slot_of[drawn as usize];
-        if *slot == NO_SLOT {
-            *slot = self.drawn_of_slot.len() as u32;
-            self.drawn_of_slot.push(drawn);
-            self.places.push(0);
-        }
-        self.places[*slot as usize] += 1;
-        self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
-    }
 }
 
 /// The work on a canvas: it draws every `step`-th band from `first` on.
@@ -285,7 +243,7 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, bands, weights, were_settled, slot_of, .. } = self;
+        let Self { search, bands, weights, were_settled, reader, .. } = self;
         resize(weights, faces.len(), Weights::default);
         for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
             *weights = view.weights(face as usize, was_settled);
@@ -296,7 +254,7 @@ impl<T: Scalar> Canvas<T> {
             #[inline(always)]
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
-        piece_fragments.sort(pieces, faces, slot_of);
+        piece_fragments.sort(pieces, faces, &mut reader.slot_of);
         let Plane { faces: stored, stride, .. } = &mut self.plane;
         for &pixel in &pieces.pixels {
             let [row, column] =
@@ -314,102 +272,24 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let band = &mut self.bands[of_band.0][of_band.1];
-        band.row_starts.clear();
-        band.covered.clear();
-        self.read.clear();
-        self.drawn_of_slot.clear();
-        self.places.clear();
-        self.slot_of.clear();
-        self.slot_of.resize(faces.len(), NO_SLOT);
+        let Self { plane, bands, reader, were_settled, .. } = self;
+        let Band { seen, weights, .. } = &mut bands[of_band.0][of_band.1];
+        reader.begin(faces.len(), seen);
         for (local, row) in rows.enumerate() {
-            self.bands[of_band.0][of_band.1].row_starts.push(self.read.len() as u32);
-            self.read_row(view, of_band, row, local);
-        }
-        self.plane.reached_by_small = [usize::MAX, 0];
-        self.sort(view, of_band, faces);
-    }
-
-    /// Reads what the pixels of a row see, and forgets what was drawn there, up to the image's width.
-    /// `local` is the row within the band.
-    #[inline(always)]
-    fn read_row(
-        &mut self,
-        view: &Prepared<'_, T>,
-        of_band: (usize, usize),
-        row: usize,
-        local: usize,
-    ) {
-        let [first, end] = self.plane.take_reached(local);
-        if first >= end {
-            return;
-        }
-        let Self { plane, bands, slot_of, drawn_of_slot, places, read, .. } = self;
-        let (_, faces) = plane.row(local);
-        let before_row = (row * view.size.width) as u32;
-        let mut reader = Reader {
-            covered: &mut bands[of_band.0][of_band.1].covered,
-            slot_of,
-            drawn_of_slot,
-            places,
-            read,
-        };
-        let mut start = first;
-        let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
-        let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
-        for ((before, after), from) in pieces.zip((first + 1..).step_by(u32::BITS as usize)) {
-            // A bit for each pixel that sees another face than the pixel before it: where runs start
-            // can't be foretold, so pixels are compared all at once, and then runs visited.
-            let mut changes = before
-                .iter()
-                .zip(after)
-                .enumerate()
-                .fold(0, |changes, (k, (a, b))| changes | u32::from(a != b) << k);
-            while changes != 0 {
-                let end = from + changes.trailing_zeros() as usize;
-                reader.read(faces[start], before_row + start as u32, (end - start) as u32);
-                start = end;
-                changes &= changes - 1;
+            reader.begin_row(seen);
+            let [first, end] = plane.take_reached(local);
+            if first < end {
+                let (_, drawn) = plane.row(local);
+                reader.read(&drawn[first..end], (row * view.size.width + first) as u32, seen);
+                plane.forget(local, [first, end]);
             }
         }
-        reader.read(faces[start], before_row + start as u32, (end - start) as u32);
-        plane.forget(local, [first, end]);
-    }
-
-    /// Sorts the runs of a band of a layer, whose faces are `faces`, by slot; those of one slot stay in order. Gives
-    /// them their fragments.
-    #[inline(always)]
-    fn sort(&mut self, view: &Prepared<'_, T>, of_band: (usize, usize), faces: &[u32]) {
-        let Self { were_settled, drawn_of_slot, read, places, bands, .. } = self;
-        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[of_band.0][of_band.1];
-        resize(own_weights, drawn_of_slot.len(), Weights::default);
-        for (weights, &drawn) in own_weights.iter_mut().zip(&*drawn_of_slot) {
+        plane.reached_by_small = [usize::MAX, 0];
+        resize(weights, reader.seen().len(), Weights::default);
+        for (weights, &drawn) in weights.iter_mut().zip(reader.seen()) {
             *weights = view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize]);
         }
-        let Runs { runs: sorted, slots, count, .. } = runs;
-        slots.clear();
-        // A counting sort: counts of runs become the places where each slot's first run goes.
-        let mut first_run = 0;
-        slots.extend(drawn_of_slot.iter().zip(&mut *places).map(|(&drawn, position)| {
-            let slot = Slot { face: faces[drawn as usize], first_run };
-            first_run += std::mem::replace(position, first_run);
-            slot
-        }));
-        resize(sorted, read.len(), Run::default);
-        resize(by_pixel, read.len(), || 0);
-        for (run, index) in read.iter().zip(by_pixel) {
-            let position = &mut places[run.slot as usize];
-            sorted[*position as usize] = *run;
-            *index = *position;
-            *position += 1;
-        }
-        // In this order a face's fragments in the band lie side by side.
-        let mut fragment = 0;
-        for run in sorted {
-            run.fragment = fragment;
-            fragment += run.length;
-        }
-        *count = fragment as usize;
+        reader.end(|drawn| faces[drawn as usize], seen);
     }
 }
 
@@ -417,7 +297,7 @@ impl<T: Scalar> Band<T> {
     /// Writes the weights u and v of each fragment.
     #[inline(always)]
     pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
-        let Runs { runs, slots, .. } = &self.runs;
+        let Runs { runs, slots, .. } = &self.seen.runs;
         let Prepared { centers, ys, size: Size { width, .. }, .. } = *view;
         // From a row to the next, exactly.
         let two = T::Wide::from_f64(2.0);

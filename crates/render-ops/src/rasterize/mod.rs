@@ -30,6 +30,7 @@ mod corner;
 mod culling;
 mod exact;
 mod filter;
+mod orientations;
 mod plane;
 mod prepared;
 mod pull_back;
@@ -41,7 +42,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::parallel::{for_each_item_mut, merge_ranges_into};
-use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{
+    Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var,
+};
 use smallvec::SmallVec;
 
 use self::canvas::Weigh;
@@ -275,7 +278,7 @@ impl Rasterize {
         };
         let are_shared = coverage.centers.is_shared();
         let view = &visibility.drawn(&self.mesh, self.options);
-        let of_bands = visibility.bands(layer).map(|band| (2 * band.runs.count, band));
+        let of_bands = visibility.bands(layer).map(|band| (2 * band.seen.runs.count, band));
         let rest = fill_parts(barycentrics, of_bands, are_shared, |barycentrics, &band| {
             crate::dispatch::dispatch::<T, _>(Weigh { view, band, barycentrics });
         });
@@ -341,6 +344,31 @@ impl Rasterize {
 /// Coordinates that are looked at before it is asked whether all are finite.
 const COORDINATES_PER_PIECE: usize = 1 << 8;
 
+/// # Errors
+/// [`RenderError::Shape`] unless `clip` has a row of four for each vertex; [`RenderError::Position`] for a coordinate
+/// that is not finite.
+fn check_positions<T: Scalar>(
+    operation: &'static str,
+    mesh: &Mesh,
+    shape: &Shape,
+    clip: &[T],
+) -> Result<(), RenderError> {
+    if **shape != [mesh.vertex_count(), 4] {
+        let rule = format!("clip positions of shape [{}, 4]", mesh.vertex_count());
+        return Err(RenderError::shape(operation, rule, shape));
+    }
+    // In pieces without a branch, which are compiled to vectors.
+    let are_finite = |piece: &[T]| piece.iter().fold(true, |all, c| all & c.is_finite());
+    if !clip.chunks(COORDINATES_PER_PIECE).all(are_finite)
+        && let Some(index) = clip.iter().position(|coordinate| !coordinate.is_finite())
+    {
+        let vertex = index / 4;
+        let [x, y, z, w] = std::array::from_fn(|k| clip[4 * vertex + k].to_f64());
+        return Err(RenderError::Position { vertex, x, y, z, w });
+    }
+    Ok(())
+}
+
 impl<T: Scalar> Op<T> for Rasterize {
     type Saved = Saved<T>;
     type Error = RenderError;
@@ -356,23 +384,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (clip, shape) = (inputs.data(0), inputs.shape(0));
-        if **shape != [self.mesh.vertex_count(), 4] {
-            return Err(RenderError::Shape {
-                operation: "rasterize",
-                rule: format!("clip positions of shape [{}, 4]", self.mesh.vertex_count()),
-                shape: shape.clone(),
-            });
-        }
-        // In pieces without a branch, which are compiled to vectors.
-        let are_finite = |piece: &[T]| piece.iter().fold(true, |all, c| all & c.is_finite());
-        if !clip.chunks(COORDINATES_PER_PIECE).all(are_finite)
-            && let Some(index) = clip.iter().position(|coordinate| !coordinate.is_finite())
-        {
-            let vertex = index / 4;
-            let [x, y, z, w] = std::array::from_fn(|k| clip[4 * vertex + k].to_f64());
-            return Err(RenderError::Position { vertex, x, y, z, w });
-        }
-
+        check_positions("rasterize", &self.mesh, shape, clip)?;
         saved.make_layers(self);
         let Saved { layers, visibility, .. } = saved;
         let (front, needs) = (self.front.as_deref(), inputs.needs(0));

@@ -3,9 +3,7 @@
 use std::ops::Range;
 
 use super::filter::{EIGHT, EMPTY};
-
-/// Stands for "no face".
-pub(super) const NO_FACE: u32 = u32::MAX;
+use crate::run_reader::NO_FACE;
 
 /// Rows that lie a multiple of so many numbers apart share places in a core's cache: they get a sixteenth more.
 const NUMBERS_APART: usize = 256;

@@ -13,9 +13,6 @@ use crate::mesh::Mesh;
 use crate::raster_options::{Limits, Sampling};
 use crate::size::Size;
 
-/// Stands for "not seen".
-pub(super) const NO_SLOT: u32 = u32::MAX;
-
 /// What the stages share.
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,

@@ -10,7 +10,7 @@ use bokashi_core::Scalar;
 use pulp::Simd;
 
 use super::filter::{Filter, are_beyond, first_lanes, is_drawn};
-use super::plane::NO_FACE;
+use crate::run_reader::NO_FACE;
 
 /// Pixels of a row of a plane, into which a face is drawn.
 pub(super) struct RowOfPixels<'a, S> {

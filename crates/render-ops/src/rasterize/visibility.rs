@@ -81,12 +81,25 @@ impl<T: Scalar> Visibility<T> {
             for (orientation, verdict) in coverage.orientations.iter_mut().zip(&self.verdicts) {
                 *orientation = verdict.orientation;
             }
-            join(self.bands(layer), coverage);
+            coverage.join_centers(self.bands(layer).map(|band| &band.seen));
+            coverage.pieces.clear();
             coverage.boundary.clear();
             if options.sampling.has_pieces() {
                 join_pieces(self.bands(layer), coverage);
             }
         }
+    }
+
+    /// Per face: the sign of its area as it is seen, 0 where that is zero within rounding or that side is culled.
+    pub(super) fn orientations(
+        &mut self,
+        clip: &[T],
+        options: RasterOptions,
+        mesh: &Mesh,
+    ) -> impl Iterator<Item = i8> {
+        self.prepare_vertices(clip, mesh.vertex_count(), options.size);
+        self.judge_faces(mesh, options);
+        self.verdicts.iter().map(|verdict| verdict.orientation)
     }
 
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) {
@@ -224,24 +237,6 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
         }
     }
     (culled, reaches_behind)
-}
-
-/// Joins what was found in the bands.
-fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
-    let Coverage { centers, by_pixel, row_starts, covered, pieces, .. } = coverage;
-    centers.clear();
-    by_pixel.clear();
-    row_starts.clear();
-    covered.clear();
-    pieces.clear();
-    for band in bands {
-        let before = centers.runs.len() as u32;
-        centers.add_band(&band.runs);
-        by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
-        row_starts.extend(band.row_starts.iter().map(|start| before + start));
-        covered.extend(&band.covered);
-    }
-    row_starts.push(centers.runs.len() as u32);
 }
 
 /// Joins the pieces of boundary pixels.

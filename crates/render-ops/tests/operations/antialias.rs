@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Composite, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias,
+    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, antialias_image,
     composite, rasterize,
 };
 
@@ -70,7 +70,7 @@ impl Scene {
 
 /// The antialiased image of `image: [H, W, 1]`, whose uncovered pixels are the background.
 fn antialiased<'t, T: Scalar>(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Var<'t, T> {
-    antialias(Composite::from_image(image, fragments).unwrap()).unwrap().image().unwrap()
+    antialias_image(image, fragments).unwrap()
 }
 
 /// Colours that differ from pixel to pixel.
@@ -297,7 +297,7 @@ fn an_inner_edge_is_no_silhouette_and_leaves_the_image_itself() {
         let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
         let out = antialiased(image, &fragments);
         assert_eq!(out.value(), image.value());
-        assert!(tape.take_report().left_out.iter().any(|entry| entry.name == "antialias"));
+        assert!(tape.take_report().left_out.iter().any(|entry| entry.name == "antialias_image"));
         // The gradient passes through, and there is none for the positions.
         let gradients = out.square().sum().backward().unwrap();
         let doubled: Vec<_> = image.value().data().iter().map(|c| 2.0 * c).collect();

@@ -6,6 +6,7 @@ mod blurred_pictures;
 mod camera;
 mod composite;
 mod composite_layers;
+mod coverage;
 mod creases;
 mod depth_of_field;
 mod differentials;

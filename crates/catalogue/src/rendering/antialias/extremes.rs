@@ -1,7 +1,7 @@
 //! Edges that antialiasing finds, and those that it must not.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Composite, Mesh, Size, antialias, rasterize};
+use bokashi_render_ops::{Mesh, Size, antialias_image, rasterize};
 
 use crate::clip_scene::{ClipScene, at_px, orders};
 use crate::extreme::{Extreme, Failure, Outcome, Verdict, extremes};
@@ -35,7 +35,7 @@ fn antialias_of<T: Scalar>(
     let ids = fragments.coverage.triangle_ids();
     let shape = [scene.size.height, scene.size.width, 1];
     let image = tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(color(k, ids[k]))));
-    let out = antialias(Composite::from_image(image, &fragments)?)?.image()?;
+    let out = antialias_image(image, &fragments)?;
     Ok(Antialiased {
         covered: ids.iter().map(|&id| id > 0).collect(),
         before: numbers(&image.value()),

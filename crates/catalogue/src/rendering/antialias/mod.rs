@@ -2,10 +2,12 @@
 
 mod extremes;
 
+use std::sync::Arc;
+
 use bokashi_check::strategy::image_of;
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Background, Composite, Size, antialias, composite, rasterize};
+use bokashi_render_ops::{Background, Size, antialias, antialias_image, composite, rasterize};
 use proptest::prelude::*;
 
 use crate::benchmark::benchmark;
@@ -30,7 +32,9 @@ pub(crate) fn entry() -> Entry {
         entry.check(shapes.into_iter().fold(check, |check, shape| {
             let inputs = [face.clip.clone(), Tensor::zeros(shape)].map(Input::leaf);
             check.refuses_midway(
-                format!("composite needs an image of shape [4, 4, C], C > 0, got shape {shape:?}"),
+                format!(
+                    "antialias_image needs an image of shape [4, 4, C], C > 0, got shape {shape:?}"
+                ),
                 Case::new(Antialias { scene: face.clone() }, inputs),
             )
         }));
@@ -38,6 +42,10 @@ pub(crate) fn entry() -> Entry {
     benchmark!(entry, "antialias", |s| [s.surface, s.clip], |x| {
         antialias(composite(x[0], &s.fragments(x[1])?, Background::Zero)?)?.values()
     });
+    benchmark!(entry, "antialias_image", |s| [s.aliased, s.clip], |x| antialias_image(
+        x[0],
+        &s.fragments(x[1])?
+    )?);
     entry
 }
 
@@ -51,8 +59,14 @@ impl Subject for Antialias {
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let choices = blends::choices(&fragments, &wide(inputs[0]));
-        let image = antialias(Composite::from_image(inputs[1], &fragments)?)?.image()?;
+        // The dense image, and the same as a picture before itself.
+        let (image, size) = (inputs[1], self.scene.size);
+        let dense = antialias_image(image, &fragments)?;
+        let pixels: Arc<[u32]> = fragments.coverage.pixels().map(|pixel| pixel as u32).collect();
+        let values = image.reshape([size.pixels(), image.shape()[2]])?.gather_rows(&pixels)?;
+        let picture = composite(values, &fragments, Background::Image(image))?;
+        let picture = antialias(picture)?.image()?;
         let ids = fragments.coverage.triangle_ids();
-        Ok(Outcome::from(image).with_state(ids).with_state(choices))
+        Ok(Outcome::from(vec![dense, picture]).with_state(ids).with_state(choices))
     }
 }

@@ -1,7 +1,7 @@
 //! Faces without area or nearly so, faces that share edges and vertices, faces that hide one another.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Composite, Cull, Size, antialias, rasterize};
+use bokashi_render_ops::{Cull, Size, antialias_image, rasterize};
 
 use crate::clip_scene::{ClipScene, many_faces, not_finite, orders};
 use crate::extreme::{Extreme, Failure, Outcome, Verdict, extremes};
@@ -369,7 +369,7 @@ fn crossing_faces<T: Scalar>() -> Outcome {
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let ids = fragments.coverage.triangle_ids();
     let image = Tensor::from_flat_fn([6, 10, 1], |k| T::from_f64(f64::from(ids[k])));
-    let out = antialias(Composite::from_image(tape.constant(&image), &fragments)?)?.image()?;
+    let out = antialias_image(tape.constant(&image), &fragments)?;
     let unblended = out.value() == image;
     let bars = numbers(&out.sum().backward()?.get_or_zeros(clip));
     let outcome =
@@ -411,7 +411,7 @@ fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     // Half that of its third vertex.
     let error = (seen_depth.item().to_f64() - 0.5 * depth).abs();
     let image = tape.leaf(&Tensor::from_flat_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
-    let image = antialias(Composite::from_image(image, &fragments)?)?.image()?;
+    let image = antialias_image(image, &fragments)?;
     wrong += usize::from(!image.value().is_finite());
     let gradients = seen_depth.sum().backward()?;
     let bars = gradients.get_or_zeros(positions);

@@ -1,0 +1,134 @@
+//! From rows of pixels to the runs of a band.
+
+use crate::runs::{Run, Runs, Slot};
+
+/// Stands for "no face was drawn", and for "not seen".
+pub(crate) const NO_FACE: u32 = u32::MAX;
+
+/// What is seen in a band, counted from its first run, slot and fragment.
+#[derive(Debug, Default)]
+pub(crate) struct BandRuns {
+    pub(crate) runs: Runs,
+    /// The indices of the runs in the order of their pixels.
+    pub(crate) by_pixel: Vec<u32>,
+    /// Where in `by_pixel` each row starts.
+    pub(crate) row_starts: Vec<u32>,
+    /// The pixels that are covered, as ranges.
+    pub(crate) covered: Vec<[u32; 2]>,
+}
+
+/// Reads bands one after another. A face goes by the number that it was drawn with in the band.
+#[derive(Debug, Default)]
+pub(crate) struct RunReader {
+    /// Per face: its slot, once it was seen.
+    pub(crate) slot_of: Vec<u32>,
+    /// Per slot: the number of its face.
+    drawn_of_slot: Vec<u32>,
+    /// What was read, by pixel, without fragments yet.
+    read: Vec<Run>,
+    /// Per slot: how many runs it has, then where in the order of slots its next run goes.
+    places: Vec<u32>,
+}
+
+impl RunReader {
+    /// Begins a band with so many faces.
+    pub(crate) fn begin(&mut self, faces: usize, band: &mut BandRuns) {
+        band.row_starts.clear();
+        band.covered.clear();
+        self.read.clear();
+        self.drawn_of_slot.clear();
+        self.places.clear();
+        self.slot_of.clear();
+        self.slot_of.resize(faces, NO_FACE);
+    }
+
+    /// Begins a row.
+    #[inline(always)]
+    pub(crate) fn begin_row(&self, band: &mut BandRuns) {
+        band.row_starts.push(self.read.len() as u32);
+    }
+
+    /// Reads pixels of the row, of which the first is `pixel`: the face that each of them sees.
+    #[inline(always)]
+    pub(crate) fn read(&mut self, faces: &[u32], pixel: u32, band: &mut BandRuns) {
+        let covered = &mut band.covered;
+        let (mut start, end) = (0, faces.len());
+        let (before, after) = (&faces[..end - 1], &faces[1..]);
+        let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
+        for ((before, after), from) in pieces.zip((1..).step_by(u32::BITS as usize)) {
+            // A bit for each pixel that sees another face than the pixel before it: where runs start
+            // can't be foretold, so pixels are compared all at once, and then runs visited.
+            let mut changes = before
+                .iter()
+                .zip(after)
+                .enumerate()
+                .fold(0, |changes, (k, (a, b))| changes | u32::from(a != b) << k);
+            while changes != 0 {
+                let end = from + changes.trailing_zeros() as usize;
+                self.push(faces[start], pixel + start as u32, (end - start) as u32, covered);
+                start = end;
+                changes &= changes - 1;
+            }
+        }
+        self.push(faces[start], pixel + start as u32, (end - start) as u32, covered);
+    }
+
+    /// Writes down `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
+    #[inline(always)]
+    fn push(&mut self, drawn: u32, pixel: u32, length: u32, covered: &mut Vec<[u32; 2]>) {
+        if drawn == NO_FACE {
+            return;
+        }
+        match covered.last_mut() {
+            Some([_, end]) if *end == pixel => *end += length,
+            _ => covered.push([pixel, pixel + length]),
+        }
+        // Slots are numbered as they are seen, so that their order, and with it the order of
+        // all sums, does not depend on that of the mesh's faces.
+        let slot = &mut self.slot_of[drawn as usize];
+        if *slot == NO_FACE {
+            *slot = self.drawn_of_slot.len() as u32;
+            self.drawn_of_slot.push(drawn);
+            self.places.push(0);
+        }
+        self.places[*slot as usize] += 1;
+        self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
+    }
+
+    /// The numbers of the faces that were seen, slot by slot.
+    pub(crate) fn seen(&self) -> &[u32] {
+        &self.drawn_of_slot
+    }
+
+    /// Ends the band: sorts the runs by slot, those of one slot stay in order, and gives them their fragments.
+    /// `face_of` has the face of each number.
+    #[inline(always)]
+    pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
+        let Self { drawn_of_slot, read, places, .. } = self;
+        let BandRuns { runs: Runs { runs: sorted, slots, count, .. }, by_pixel, .. } = band;
+        slots.clear();
+        // A counting sort: counts of runs become the places where each slot's first run goes.
+        let mut first_run = 0;
+        slots.extend(drawn_of_slot.iter().zip(&mut *places).map(|(&drawn, position)| {
+            let slot = Slot { face: face_of(drawn), first_run };
+            first_run += std::mem::replace(position, first_run);
+            slot
+        }));
+        // Whatever they held, since each is written.
+        sorted.resize(read.len(), Run::default());
+        by_pixel.resize(read.len(), 0);
+        for (run, index) in read.iter().zip(by_pixel) {
+            let position = &mut places[run.slot as usize];
+            sorted[*position as usize] = *run;
+            *index = *position;
+            *position += 1;
+        }
+        // In this order a face's fragments in the band lie side by side.
+        let mut fragment = 0;
+        for run in sorted {
+            run.fragment = fragment;
+            fragment += run.length;
+        }
+        *count = fragment as usize;
+    }
+}
