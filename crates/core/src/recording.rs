@@ -82,6 +82,19 @@ impl<T: Scalar> Recording<T> {
         &self,
         upstream: &[Option<&Tensor<T>>],
     ) -> Result<InputGradients<T>, TensorError> {
+        self.pull_back_to(upstream, |_| true)
+    }
+
+    /// [`Recording::pull_back`] to the inputs that `is_wanted` says; what leads to none of them is not computed, and the
+    /// others get `None`.
+    ///
+    /// # Errors
+    /// As [`Recording::pull_back`].
+    pub fn pull_back_to(
+        &self,
+        upstream: &[Option<&Tensor<T>>],
+        is_wanted: impl Fn(usize) -> bool,
+    ) -> Result<InputGradients<T>, TensorError> {
         let [inputs, outputs] = &self.ends;
         if upstream.len() != outputs.len() {
             return Err(TensorError::Value {
@@ -95,13 +108,19 @@ impl<T: Scalar> Recording<T> {
             .zip(upstream)
             .filter_map(|(&output, upstream)| Some((self.variable(output), (*upstream)?)))
             .collect();
-        let inputs: SmallVec<[_; 4]> = inputs.iter().map(|&input| self.variable(input)).collect();
-        let mut gradients = self.tape.vjp_to(&seeds, &inputs)?;
-        // A variable that is two inputs has one gradient.
-        let mut taken = InputGradients::new();
-        for (k, &input) in inputs.iter().enumerate() {
-            let before = inputs[..k].iter().position(|before| before.index == input.index);
-            taken.push(before.map_or_else(|| gradients.take(input), |at| taken[at].clone()));
+        let wanted: SmallVec<[_; 4]> = (0..inputs.len()).filter(|&k| is_wanted(k)).collect();
+        let variables: SmallVec<[_; 4]> =
+            wanted.iter().map(|&k| self.variable(inputs[k])).collect();
+        let mut gradients = self.tape.vjp_to(&seeds, &variables)?;
+        let mut taken: InputGradients<T> = inputs.iter().map(|_| None).collect();
+        for (&k, &variable) in wanted.iter().zip(&variables) {
+            // A variable that is two inputs has one gradient.
+            let before = wanted.iter().take_while(|&&before| before < k);
+            let before = before.copied().find(|&before| inputs[before] == inputs[k]);
+            taken[k] = match before {
+                Some(before) => taken[before].clone(),
+                None => gradients.take(variable),
+            };
         }
         Ok(taken)
     }

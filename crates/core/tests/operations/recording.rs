@@ -45,6 +45,8 @@ fn a_variable_that_is_two_inputs_has_its_gradient_twice_and_an_output_may_be_an_
     let one = Tensor::scalar(1.0);
     let gradients = recording.pull_back(&[Some(&one), Some(&one)]).unwrap();
     assert_eq!(gradients[..], [Some(Tensor::scalar(7.0)), Some(Tensor::scalar(7.0))]);
+    let second = recording.pull_back_to(&[Some(&one), None], |k| k == 1).unwrap();
+    assert_eq!(second[..], [None, Some(Tensor::scalar(6.0))]);
 }
 
 #[test]
