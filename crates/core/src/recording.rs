@@ -125,9 +125,11 @@ impl<T: Scalar> Recording<T> {
         Ok(taken)
     }
 
-    /// The tape, whose memory the next recording finds again.
+    /// The tape, whose step ends: the next recording finds its memory again.
     pub fn into_tape(self) -> Tape<T> {
-        self.tape
+        let mut tape = self.tape;
+        tape.reset();
+        tape
     }
 
     fn variable(&self, index: u32) -> Var<'_, T> {

@@ -1,0 +1,292 @@
+"""Differentiable rendering on a CPU, from numpy.
+
+Each operation returns its value and a function that pulls gradients back:
+
+>>> import numpy as np, bokashi
+>>> mesh = bokashi.Mesh(np.array([[0, 1, 2]]), 3)
+>>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
+>>> fragments, of_clip = bokashi.rasterize(clip, mesh, 8)
+>>> colors = np.eye(3)
+>>> surface, of_surface = bokashi.interpolate(colors, fragments)
+>>> surface.shape
+(16, 3)
+>>> colors_bar, barycentrics_bar, _, _ = of_surface(np.ones_like(surface))
+>>> (clip_bar,) = of_clip(barycentrics_bar)
+>>> clip_bar.shape
+(3, 4)
+
+Arrays are of `float32` or `float64`, one type in a call, and results have that type. A pull-back takes a gradient, or
+`None`, for each output, and returns one, or `None`, for each array that the operation was given, in their order. With
+`wanted=(True, False, ..)` only those are computed. Results are the same bits on every run, for any number of threads.
+
+Row 0 of an image is its top row. Clip space is OpenGL's: visible where `w > 0` and `-w <= x, y, z <= w`. Shapes: V
+vertices, F faces, N fragments (the covered samples of an image), K pieces of exact coverage, C channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Sequence
+
+import numpy as np
+
+from . import _native
+from ._native import Coverage, Mesh, PullBack, RenderError, num_threads, set_num_threads
+
+__all__ = [
+    "Coverage", "Fragments", "Mesh", "PullBack", "RenderError", "antialias_image", "depth", "differentials",
+    "downsample", "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps",
+    "num_threads", "over", "picture", "project", "rasterize", "reflect", "render", "sample_cube_map",
+    "sample_texture", "set_num_threads", "srgb_decode", "srgb_encode", "vertex_normals",
+]
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """The covered samples of an image.
+
+    `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face, `weight`
+    `[K]` is the share of its pixel that each piece of exact coverage has, `None` without, and `clip` `[V, 4]` are the
+    positions that were rasterized. Fragments at pixel centres come first, then pieces.
+    """
+
+    barycentrics: np.ndarray
+    weight: np.ndarray | None
+    clip: np.ndarray
+    coverage: Coverage
+
+    def __len__(self) -> int:
+        return len(self.coverage)
+
+    @property
+    def faces(self) -> np.ndarray:
+        """The face of each fragment, `[N]`."""
+        return self.coverage.faces
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """The pixel of each fragment, `[N]`: row times width plus column."""
+        return self.coverage.pixels
+
+    @property
+    def arrays(self) -> tuple:
+        """Barycentrics, clip positions and weights: what operations on fragments have gradients for."""
+        return self.barycentrics, self.clip, self.weight
+
+    def replace(self, **fields) -> Fragments:
+        """The same fragments with other arrays of the same shapes."""
+        return replace(self, **fields)
+
+
+def _size(size) -> tuple[int, int]:
+    """Height and width of a size, or of a square."""
+    return (size, size) if isinstance(size, int) else tuple(size)
+
+
+def _like(value, array: np.ndarray) -> np.ndarray:
+    """A number or a list as an array of the type of another array; arrays stay as they are."""
+    return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
+
+
+def _only(recorded):
+    (value,), pull_back = recorded
+    return value, pull_back
+
+
+def project(positions, camera, rotation=None, translation=None):
+    """Positions `[V, 3]` in clip space, `[V, 4]`: the camera matrix `[4, 4]` times the posed positions.
+
+    The pose is a quaternion `[4]` (x, y, z, w) and a translation `[3]`. Gradients: of positions, camera, rotation and
+    translation.
+    """
+    optional = [value if value is None else _like(value, positions) for value in (rotation, translation)]
+    return _only(_native.project(positions, _like(camera, positions), *optional))
+
+
+def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = ()):
+    """The fragments of a mesh with vertices `clip` `[V, 4]`, in an image of `size` (height, width) or a square.
+
+    `cull` is "none", "back" or "front". With `exact` pixels that a discontinuity crosses are resolved into pieces, each
+    with its share: silhouettes then have their true gradient. `creases` are the attributes that will be shown, arrays
+    `[V, C]` or pairs of an array and its own `Mesh`, so that their creases are resolved too.
+
+    Returns `Fragments` and the pull-back of their barycentrics, and with `exact` of their weights, to `clip` (then to
+    the creases' attributes, which get none).
+    """
+    height, width = _size(size)
+    creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
+    coverage, (barycentrics, *weight), pull_back = _native.rasterize(
+        clip, mesh, height, width, cull, exact, creases
+    )
+    return Fragments(barycentrics, weight[0] if weight else None, clip, coverage), pull_back
+
+
+def interpolate(attributes, fragments: Fragments, mesh: Mesh | None = None):
+    """Attributes at vertices, `[V, C]`, at each fragment: `[N, C]`.
+
+    `mesh` is the attributes' own index buffer, where that is not the positions'. Gradients: of attributes,
+    barycentrics, clip positions and weights.
+    """
+    return _only(_native.interpolate(attributes, *fragments.arrays, fragments.coverage, mesh))
+
+
+def depth(fragments: Fragments):
+    """z / w of each fragment, `[N]`, from -1 (near) to 1 (far). Gradients: of barycentrics, clip positions, weights."""
+    return _only(_native.depth(*fragments.arrays, fragments.coverage))
+
+
+def differentials(fragments: Fragments):
+    """How the barycentrics change from pixel to pixel, `[N, 2, 2]`: d/dx and d/dy of u and of v, y down.
+
+    Gradients: of barycentrics, clip positions and weights.
+    """
+    return _only(_native.differentials(*fragments.arrays, fragments.coverage))
+
+
+def interpolate_differentials(attributes, fragments: Fragments, differentials, mesh: Mesh | None = None):
+    """How interpolated attributes change from pixel to pixel, `[N, C, 2]`.
+
+    Gradients: of attributes, differentials, barycentrics, clip positions and weights.
+    """
+    recorded = _native.interpolate_differentials(
+        attributes, differentials, *fragments.arrays, fragments.coverage, mesh
+    )
+    return _only(recorded)
+
+
+def picture(values, fragments: Fragments, background=None, *, antialias: bool = True, reference=None):
+    """The image `[H, W, C]` of fragments that look like `values` `[N, C]`, before a background `[C]` or `[H, W, C]`.
+
+    Silhouettes are antialiased, unless coverage is exact. With a `reference` image: the sum of the squared errors, `[]`,
+    at the cost of what is covered. Gradients: of values, background, barycentrics, clip positions, weights.
+    """
+    background = background if background is None else _like(background, values)
+    recorded = _native.picture(
+        values, background, *fragments.arrays, fragments.coverage, antialias, reference
+    )
+    return _only(recorded)
+
+
+def antialias_image(image, fragments: Fragments):
+    """A dense image `[H, W, C]` with the silhouettes of the fragments' faces antialiased.
+
+    Gradients: of the image, barycentrics (none) and clip positions.
+    """
+    barycentrics, clip, _ = fragments.arrays
+    return _only(_native.antialias_image(image, barycentrics, clip, fragments.coverage))
+
+
+def render(
+    positions, mesh: Mesh, colors, size, *, camera=None, background=None, color_mesh: Mesh | None = None,
+    cull: str = "none", silhouettes: str = "exact", reference=None,
+):
+    """A whole step: the image `[H, W, C]` of a mesh with colours at its vertices, `[V, C]`.
+
+    `positions` are `[V, 3]` before a camera matrix `[4, 4]`, or without one `[V, 4]` in clip space. `silhouettes` are
+    "exact", "antialias" or "aliased". With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
+    positions, camera, colors and background.
+    """
+    height, width = _size(size)
+    camera, background = [
+        value if value is None else _like(value, positions) for value in (camera, background)
+    ]
+    recorded = _native.render(
+        positions, camera, colors, background, mesh, height, width, color_mesh, cull, silhouettes, reference
+    )
+    return _only(recorded)
+
+
+def mipmaps(texels, coarsest: int | None = None):
+    """The coarser levels of texels `[H, W, C]`, or of a cube map's `[6, S, S, C]`: a tuple, each half as large.
+
+    The last is a single texel, or level `coarsest`. Gradients: of the texels.
+    """
+    return _native.mipmaps(texels, coarsest)
+
+
+def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
+    level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
+    borders = (border, border) if isinstance(border, str) else tuple(border)
+    # Without a level or differentials nobody asks for coarser levels.
+    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    levels = [texels, *(mips or ())]
+    return _only(
+        function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)
+    )
+
+
+def sample_texture(
+    texels, coordinates, *, level=None, differentials=None, bias=None, filter: str = "trilinear", border="wrap",
+    coarsest: int | None = None, probes: int = 8, mips=None,
+):
+    """Samples of texels `[H, W, C]` at coordinates (u, v), `[N, 2]`; (0, 0) is the upper left corner: `[N, C]`.
+
+    The level of detail is `level` (`[N]` or a number), or follows from `differentials` `[N, 2, 2]` of the coordinates and a
+    `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic", `border`
+    "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own. Gradients: of
+    coordinates, level, differentials, bias, texels and mips.
+    """
+    return _sample(
+        _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
+    )
+
+
+def sample_cube_map(
+    texels, directions, *, level=None, differentials=None, bias=None, filter: str = "trilinear",
+    coarsest: int | None = None, probes: int = 8, mips=None,
+):
+    """Samples of a cube map's texels `[6, S, S, C]` in directions `[N, 3]`: `[N, C]`. As `sample_texture`."""
+    return _sample(
+        _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
+    )
+
+
+def gaussian_blur(
+    image, sigma, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6, radius: int | None = None
+):
+    """An image `[H, W, C]` blurred with standard deviation `sigma` in pixels, a number or `[]`.
+
+    `kernel` is "sampled", "discrete", "unnormalized" or "disc"; `border` "mirror", "clamp" or "zero". The window misses at
+    most the share `tolerance` of the weight, or reaches `radius` pixels. Gradients: of image and sigma.
+    """
+    return _only(_native.gaussian_blur(image, _like(sigma, image), kernel, border, tolerance, radius))
+
+
+def downsample(image, factor: int):
+    """The means of blocks of `factor` by `factor` pixels. Gradients: of the image."""
+    return _only(_native.downsample(image, factor))
+
+
+def face_normals(positions, mesh: Mesh):
+    """The normal of each face, `[F, 3]`, of length 1. Gradients: of positions `[V, 3]`."""
+    return _only(_native.face_normals(positions, mesh))
+
+
+def vertex_normals(positions, mesh: Mesh, weighting: str = "angle"):
+    """The normal at each vertex, `[V, 3]`: the mean of its faces', by "angle" or "area". Gradients: of positions."""
+    return _only(_native.vertex_normals(positions, mesh, weighting))
+
+
+def srgb_encode(x):
+    """sRGB numbers of linear ones. Gradients: of the input."""
+    return _only(_native.srgb_encode(x))
+
+
+def srgb_decode(y):
+    """Linear numbers of sRGB ones. Gradients: of the input."""
+    return _only(_native.srgb_decode(y))
+
+
+def exposure(image, stops):
+    """An image times 2 to the power of `stops`, a number or `[]`. Gradients: of image and stops."""
+    return _only(_native.exposure(image, _like(stops, image)))
+
+
+def over(front, back):
+    """Premultiplied colours with alpha, `[.., 4]`, before others. Gradients: of both."""
+    return _only(_native.over(front, back))
+
+
+def reflect(directions, normals):
+    """Directions `[N, 3]` mirrored at surfaces with normals `[N, 3]`. Gradients: of both."""
+    return _only(_native.reflect(directions, normals))

@@ -1,0 +1,476 @@
+"""A stand-in for `nvdiffrast.torch` that runs on any CPU: `import bokashi.nvdiffrast as dr`.
+
+Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u, v,
+z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
+
+What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an error,
+antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their index.
+"""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+import torch
+from torch.autograd.function import once_differentiable
+
+from . import Coverage, Mesh, RenderError, _native
+from .torch import _to_array, _to_tensor
+
+__all__ = [
+    "DepthPeeler", "RasterizeCudaContext", "RasterizeGLContext", "antialias", "antialias_construct_topology_hash",
+    "get_log_level", "interpolate", "rasterize", "set_log_level", "texture", "texture_construct_mip",
+]
+
+
+class RasterizeCudaContext:
+    """A name alone: there is no device."""
+
+    def __init__(self, device=None):
+        del device
+
+
+class RasterizeGLContext:
+    """A name alone: there is no device."""
+
+    def __init__(self, output_db: bool = True, mode: str = "automatic", device=None):
+        del mode, device
+        self.output_db = output_db
+
+    def set_context(self):
+        """Does nothing."""
+
+    def release_context(self):
+        """Does nothing."""
+
+
+def get_log_level() -> int:
+    """The level that was set."""
+    return _log_level[0]
+
+
+def set_log_level(level: int):
+    """Keeps the level: nothing is logged."""
+    _log_level[0] = level
+
+
+_log_level = [1]
+
+
+class _Cache:
+    """Values that belong to tensors: not on them, so that they can be saved, and gone with them."""
+
+    def __init__(self):
+        self.known = {}
+
+    def get(self, tensor, key, make):
+        """The value of a tensor as it is now, made where it is not known."""
+        known = self.known.get(id(tensor))
+        if known is None or known[0]() is not tensor or known[1] != tensor._version:
+            reference = weakref.ref(tensor, lambda _, name=id(tensor): self.known.pop(name, None))
+            known = self.known[id(tensor)] = (reference, tensor._version, {})
+        values = known[2]
+        if key not in values:
+            values[key] = make()
+        return values[key]
+
+
+_meshes, _coverages = _Cache(), _Cache()
+
+
+def _mesh(tri, vertex_count: int) -> Mesh:
+    """The mesh of an index buffer, checked once."""
+    if tri.dtype != torch.int32 or tri.dim() != 2 or tri.shape[1] != 3:
+        raise RenderError(f"tri needs shape [T, 3] and dtype int32, got {list(tri.shape)} and {tri.dtype}")
+    return _meshes.get(tri, vertex_count, lambda: Mesh(_to_array(tri), vertex_count))
+
+
+def _upside_down(positions: np.ndarray) -> np.ndarray:
+    """Clip positions with y negated: our top row is then their bottom row."""
+    flipped = positions.copy()
+    flipped[..., 1] *= -1
+    return flipped
+
+
+class _Images:
+    """What was drawn: a mesh, its clip positions upside down and its first face for each image."""
+
+    def __init__(self, pos, tri, ranges=None):
+        positions = _to_array(pos)
+        if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
+            mesh = _mesh(tri, positions.shape[1])
+            self.clips = list(_upside_down(positions))
+            self.parts = [(mesh, 0)] * len(self.clips)
+        elif positions.ndim == 2 and ranges is not None and positions.shape[1] == 4:
+            mesh = _mesh(tri, positions.shape[0])
+            starts = [(int(start), int(start + count)) for start, count in ranges.tolist()]
+            self.parts = [(mesh.part(start, end), start) for start, end in starts]
+            self.clips = [_upside_down(positions)] * len(starts)
+        else:
+            given = list(positions.shape)
+            raise RenderError(f"pos needs shape [N, V, 4], or with ranges [V, 4], got {given}")
+        self.is_shared = positions.ndim == 2
+
+    def add_up(self, bars) -> torch.Tensor | None:
+        """The gradient of the positions from those of the images' clip positions."""
+        if all(bar is None for bar in bars):
+            return None
+        bars = [np.zeros_like(clip) if bar is None else bar for bar, clip in zip(bars, self.clips)]
+        return torch.from_numpy(_upside_down(np.sum(bars, 0) if self.is_shared else np.stack(bars)))
+
+
+class _Rasterize(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, pos, images, size, grad_db, fronts, found):
+        height, width = size
+        ctx.images, ctx.pulls, ctx.grad_db = images, [], grad_db
+        rasts, derivatives = [], []
+        for k, ((mesh, first), clip) in enumerate(zip(images.parts, images.clips)):
+            coverage, (uv, depth, slopes), pull_back = _native.rasterize(
+                clip, mesh, height, width, with_depth=True, with_differentials=True, behind=fronts and fronts[k]
+            )
+            found.append(coverage)
+            ctx.pulls.append((coverage, pull_back))
+            rasts.append(torch.from_numpy(coverage.dense(uv, depth, first)))
+            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(-1, 4))))
+        ctx.set_materialize_grads(False)
+        return _stack(rasts), _stack(derivatives)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, rast_bar, db_bar):
+        bars = []
+        for k, (coverage, pull_back) in enumerate(ctx.pulls):
+            uv_bar = slopes_bar = None
+            if rast_bar is not None:
+                # z/w and the id have no gradient.
+                uv_bar = np.ascontiguousarray(coverage.gather(_to_array(rast_bar[k]))[:, :2])
+            if db_bar is not None and ctx.grad_db:
+                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(-1, 2, 2)
+            bars.append(pull_back(uv_bar, None, slopes_bar)[0])
+        return ctx.images.add_up(bars), None, None, None, None, None
+
+
+def _stack(images: list) -> torch.Tensor:
+    """Images in one array; that of a single image is not copied."""
+    return images[0][None] if len(images) == 1 else torch.stack(images)
+
+
+def _rasterize(pos, tri, resolution, ranges, grad_db, fronts=None):
+    images = _Images(pos, tri, ranges)
+    found: list[Coverage] = []
+    rast, rast_db = _Rasterize.apply(pos, images, tuple(resolution), grad_db, fronts, found)
+    _coverages.get(rast, "drawn", lambda: (images, found))
+    return rast, rast_db
+
+
+def rasterize(glctx, pos, tri, resolution, ranges=None, grad_db=True):
+    """`rast` `[N, H, W, 4]`, (u, v, z/w, triangle id + 1), and `rast_db` `[N, H, W, 4]`, (du/dX, du/dY, dv/dX, dv/dY).
+
+    `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u and v,
+    and with `grad_db` from the derivatives.
+    """
+    del glctx
+    return _rasterize(pos, tri, resolution, ranges, grad_db)
+
+
+class DepthPeeler:
+    """Layer after layer of what lies behind a pixel: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
+
+    def __init__(self, glctx, pos, tri, resolution, ranges=None, grad_db=True):
+        del glctx
+        self.call = pos, tri, resolution, ranges, grad_db
+        self.fronts = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *args):
+        self.fronts = None
+
+    def rasterize_next_layer(self):
+        """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
+        rast, rast_db = _rasterize(*self.call, self.fronts)
+        _, self.fronts = _drawn(rast)
+        return rast, rast_db
+
+
+def _drawn(rast):
+    """Meshes and coverages of what `rasterize` returned, where that is the tensor itself."""
+    return _coverages.get(rast, "drawn", lambda: None)
+
+
+def _coverage_of(rast, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
+    """The coverage of each image, with its part of a mesh: that of `rasterize`, or where the tensor is another one, that of
+    its ids."""
+    drawn = _drawn(rast)
+    if drawn is not None:
+        images, found = drawn
+        parts = [
+            mesh if len(part) == len(mesh) else mesh.part(first, first + len(part)) for part, first in images.parts
+        ]
+        return list(zip(found, parts))
+
+    def read():
+        ids = _to_array(rast)[..., 3].astype(np.uint32)
+        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in ids]
+
+    return _coverages.get(rast, ("ids", mesh), read)
+
+
+class _Interpolate(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, attr, rast, rast_db, coverages, which):
+        ctx.which, ctx.pulls, ctx.coverages = which, [], [coverage for coverage, _ in coverages]
+        attributes, fragments = _to_array(attr), _to_array(rast)
+        slopes = _to_array(rast_db)
+        ctx.shapes = attributes.shape, fragments.shape
+        outs, derivatives = [], []
+        for k, (coverage, mesh) in enumerate(coverages):
+            own = attributes if attributes.ndim == 2 else attributes[min(k, len(attributes) - 1)]
+            uv = np.ascontiguousarray(coverage.gather(fragments[k])[:, :2])
+            clip = np.zeros((coverage.mesh.vertex_count, 4), uv.dtype)
+            (values,), pull = _native.interpolate(own, uv, clip, None, coverage, mesh)
+            outs.append(torch.from_numpy(coverage.scatter(values)))
+            pull_slopes = None
+            if which is not None:
+                chosen = np.ascontiguousarray(own[:, which])
+                db = coverage.gather(slopes[k]).reshape(-1, 2, 2)
+                (moved,), pull_slopes = _native.interpolate_differentials(chosen, db, uv, clip, None, coverage, mesh)
+                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), -1))))
+            ctx.pulls.append((pull, pull_slopes))
+        ctx.set_materialize_grads(False)
+        if which is None:
+            return _stack(outs), torch.empty([*fragments.shape[:3], 0], dtype=attr.dtype)
+        return _stack(outs), _stack(derivatives)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, out_bar, da_bar):
+        attr_shape, rast_shape = ctx.shapes
+        wants_attr, wants_rast, wants_db = ctx.needs_input_grad[:3]
+        dtype = (out_bar if out_bar is not None else da_bar).numpy().dtype
+        attr_bar = np.zeros(attr_shape, dtype) if wants_attr else None
+        rast_bars, db_bars = [], []
+        for k, (coverage, (pull, pull_slopes)) in enumerate(zip(ctx.coverages, ctx.pulls)):
+            own = None
+            if attr_bar is not None:
+                own = attr_bar if attr_bar.ndim == 2 else attr_bar[min(k, len(attr_bar) - 1)]
+            if out_bar is not None:
+                values_bar = coverage.gather(_to_array(out_bar[k]))
+                more, uv_bar, *_ = pull(values_bar, wanted=(wants_attr, wants_rast, False, False))
+                if own is not None and more is not None:
+                    own += more
+                if wants_rast:
+                    rast_bar = np.zeros((len(uv_bar), 4), dtype)
+                    rast_bar[:, :2] = uv_bar
+                    rast_bars.append(torch.from_numpy(coverage.scatter(rast_bar)))
+            if da_bar is not None and pull_slopes is not None:
+                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), -1, 2)
+                more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
+                if own is not None and more is not None:
+                    own[:, ctx.which] += more
+                if wants_db:
+                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(-1, 4))))
+        return (
+            _to_tensor(attr_bar), _stack(rast_bars) if rast_bars else None, _stack(db_bars) if db_bars else None,
+            None, None,
+        )
+
+
+def interpolate(attr, rast, tri, rast_db=None, diff_attrs=None):
+    """Attributes `[N, V, A]`, `[1, V, A]` or `[V, A]` at pixels, `[N, H, W, A]`, zeros where nothing is seen.
+
+    `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted: they are the
+    second result, `[N, H, W, 2 K]`, and need `rast_db`.
+    """
+    which = None
+    if diff_attrs is not None:
+        if rast_db is None:
+            raise RenderError("interpolate needs rast_db for diff_attrs, got None")
+        channels = attr.shape[-1]
+        which = list(range(channels)) if isinstance(diff_attrs, str) else [int(k) for k in diff_attrs]
+    mesh = _mesh(tri, attr.shape[-2])
+    coverages = _coverage_of(rast, mesh)
+    return _Interpolate.apply(attr, rast, rast_db if which is not None else None, coverages, which)
+
+
+class _Texture(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, uv, level, uv_da, sampler, makes_mipmaps, *levels):
+        coordinates, slopes, bias = _to_array(uv), _to_array(uv_da), _to_array(level)
+        texels = [_to_array(level) for level in levels]
+        is_cube = texels[0].ndim == 5
+        call = _native.sample_cube_map if is_cube else _native.sample_texture
+        images, height, width, axes = coordinates.shape
+        ctx.pulls, ctx.shapes = [], [array.shape for array in texels]
+        outs = []
+        for k in range(images):
+            own = [array[min(k, len(array) - 1)] for array in texels]
+            places = coordinates[k].reshape(-1, axes)
+            at_level = bias[k].reshape(-1) if bias is not None else None
+            footprints = slopes[k].reshape(-1, axes, 2) if slopes is not None else None
+            if is_cube:
+                # Where nothing is seen there is no direction: any will do, without a gradient.
+                nowhere = ~places.any(1)
+                if nowhere.any():
+                    places = places.copy()
+                    places[nowhere, 0] = 1
+            (values,), pull = call(
+                places, None if footprints is not None else at_level, footprints,
+                at_level if footprints is not None else None, own, **sampler, mipmaps=makes_mipmaps,
+            )
+            outs.append(torch.from_numpy(values.reshape(height, width, -1)))
+            ctx.pulls.append((pull, nowhere if is_cube else None))
+        ctx.has = slopes is not None, bias is not None
+        ctx.set_materialize_grads(False)
+        return _stack(outs)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, out_bar):
+        if out_bar is None:
+            return (None,) * (5 + len(ctx.shapes))
+        wants_uv, wants_level, wants_da, _, _, *wants_texels = ctx.needs_input_grad
+        has_da, _ = ctx.has
+        uv_bars, level_bars, da_bars = [], [], []
+        texel_bars = [np.zeros(shape, out_bar.numpy().dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
+        images, height, width, _ = out_bar.shape
+        for k, (pull, nowhere) in enumerate(ctx.pulls):
+            bar = _to_array(out_bar[k]).reshape(height * width, -1)
+            wanted = (
+                wants_uv, wants_level and not has_da, wants_da, wants_level and has_da, *wants_texels,
+            )
+            uv_bar, level_bar, da_bar, bias_bar, *more = pull(bar, wanted=wanted)
+            for bars, own, axes in (
+                (uv_bars, uv_bar, -1), (level_bars, bias_bar if has_da else level_bar, None), (da_bars, da_bar, -1)
+            ):
+                if own is not None:
+                    if nowhere is not None:
+                        own[nowhere] = 0
+                    shape = (height, width) if axes is None else (height, width, -1)
+                    bars.append(torch.from_numpy(own.reshape(shape)))
+            for texel_bar, own in zip(texel_bars, more):
+                if texel_bar is not None and own is not None:
+                    texel_bar[min(k, len(texel_bar) - 1)] += own
+        return (
+            *(_stack(bars) if bars else None for bars in (uv_bars, level_bars, da_bars)), None, None,
+            *map(_to_tensor, texel_bars),
+        )
+
+
+class _Mipmaps:
+    """Coarser levels of a texture that were made once."""
+
+    def __init__(self, levels):
+        self.levels = levels
+
+
+def texture_construct_mip(tex, max_mip_level=None, cube_mode=False):
+    """The coarser levels of a texture `[N, H, W, C]`, or with `cube_mode` `[N, 6, H, W, C]`, for `texture`'s `mip`."""
+    del cube_mode
+    from .torch import mipmaps
+
+    of_images = [mipmaps(image, max_mip_level) for image in tex]
+    return _Mipmaps([torch.stack(levels) for levels in zip(*of_images)])
+
+
+_FILTERS = {
+    "nearest": "nearest", "linear": "bilinear", "linear-mipmap-nearest": "bilinear", "linear-mipmap-linear": "trilinear"
+}
+
+
+def texture(
+    tex, uv, uv_da=None, mip_level_bias=None, mip=None, filter_mode="auto", boundary_mode="wrap", max_mip_level=None
+):
+    """Samples of `tex` `[N, H, W, C]`, or for `boundary_mode="cube"` `[N, 6, S, S, C]`, at `uv` `[N, H, W, 2]` (3): `[N, H, W, C]`.
+
+    `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or "linear-mipmap-linear"; `boundary_mode` "wrap",
+    "clamp", "zero" or "cube". `mip` are levels of `texture_construct_mip`, or a list of one's own.
+    """
+    has_detail = uv_da is not None or mip_level_bias is not None
+    if filter_mode == "auto":
+        filter_mode = "linear-mipmap-linear" if has_detail else "linear"
+    if filter_mode not in _FILTERS:
+        raise RenderError(f"filter_mode needs to be auto, {', '.join(_FILTERS)}, got {filter_mode!r}")
+    if boundary_mode not in ("wrap", "clamp", "zero", "cube"):
+        raise RenderError(f"boundary_mode needs to be wrap, clamp, zero or cube, got {boundary_mode!r}")
+    is_cube = boundary_mode == "cube"
+    uses_levels = "mipmap" in filter_mode
+    if uses_levels and not has_detail:
+        raise RenderError(f"{filter_mode} needs uv_da or mip_level_bias, got neither")
+    levels = [tex]
+    if uses_levels and mip is not None:
+        levels += list(mip.levels if isinstance(mip, _Mipmaps) else mip)
+    sampler = {"filter": _FILTERS[filter_mode]}
+    sampler["borders"] = ("wrap", "wrap") if is_cube else (boundary_mode, boundary_mode)
+    if max_mip_level is not None:
+        sampler["coarsest"] = max_mip_level
+    detail = (mip_level_bias, uv_da) if uses_levels else (None, None)
+    return _Texture.apply(uv, *detail, sampler, uses_levels and mip is None, *levels)
+
+
+def antialias_construct_topology_hash(tri):
+    """The neighbours of faces: they are found once per index buffer in any case."""
+    return tri
+
+
+class _Antialias(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, color, pos, images, coverages, boost):
+        ctx.images, ctx.pulls, ctx.boost = images, [], boost
+        pixels = _to_array(color)
+        outs = []
+        for image, coverage, clip in zip(pixels, coverages, images.clips):
+            uv = np.zeros((len(coverage), 2), clip.dtype)
+            (out,), pull = _native.antialias_image(image, uv, clip, coverage)
+            outs.append(torch.from_numpy(out))
+            ctx.pulls.append(pull)
+        ctx.set_materialize_grads(False)
+        return _stack(outs)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, out_bar):
+        if out_bar is None:
+            return (None,) * 5
+        wants_color, wants_pos = ctx.needs_input_grad[:2]
+        color_bars, clip_bars = [], []
+        for k, pull in enumerate(ctx.pulls):
+            color_bar, _, clip_bar, _ = pull(_to_array(out_bar[k]), wanted=(wants_color, False, wants_pos, False))
+            color_bars.append(_to_tensor(color_bar))
+            clip_bars.append(clip_bar)
+        pos_bar = ctx.images.add_up(clip_bars) if wants_pos else None
+        return _stack(color_bars) if wants_color else None, pos_bar if pos_bar is None else pos_bar * ctx.boost, None, None, None
+
+
+def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0):
+    """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
+    del topology_hash
+    drawn = _drawn(rast)
+    positions = pos.detach()
+    if drawn is not None:
+        images, coverages = drawn
+        if len(images.clips) and _is_drawn_at(images, positions):
+            return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
+    if positions.dim() == 2:
+        ids = _to_array(rast)[..., 3].astype(np.uint32)
+        images = _Images(pos[None].expand(len(ids), -1, -1), tri)
+        images.is_shared = True
+    else:
+        images = _Images(pos, tri)
+        ids = _to_array(rast)[..., 3].astype(np.uint32)
+    mesh = images.parts[0][0]
+    coverages = [
+        Coverage.from_ids(mesh, np.ascontiguousarray(image), clip) for image, clip in zip(ids, images.clips)
+    ]
+    return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
+
+
+def _is_drawn_at(images, positions) -> bool:
+    """Whether these are the positions that were drawn."""
+    given = positions.numpy()
+    if images.is_shared:
+        return given.ndim == 2 and np.array_equal(_upside_down(given), images.clips[0])
+    return given.ndim == 3 and np.array_equal(_upside_down(given), np.stack(images.clips))

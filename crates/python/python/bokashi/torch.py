@@ -1,0 +1,302 @@
+"""The operations of `bokashi` on CPU tensors of torch, with gradients.
+
+Surface first: `rasterize` gives the covered samples alone, `[N, ..]`; what is computed on them is ordinary torch; `picture`
+makes the image. `render` and `Renderer` are a whole step in one call, which is fastest.
+
+>>> import torch, bokashi.torch as bt
+>>> mesh = bt.Mesh(torch.tensor([[0, 1, 2]]), 3)
+>>> clip = torch.tensor([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]], requires_grad=True)
+>>> fragments = bt.rasterize(clip, mesh, 8, exact=True)
+>>> image = bt.picture(bt.interpolate(torch.eye(3), fragments), fragments)
+>>> image.sum().backward()
+>>> clip.grad.shape
+torch.Size([3, 4])
+
+Second derivatives are refused. Arguments are those of `bokashi`; tensors take the place of arrays and of pairs of value
+and pull-back.
+"""
+
+from __future__ import annotations
+
+from typing import Callable, Sequence
+
+import numpy as np
+import torch
+from torch.autograd.function import once_differentiable
+
+from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set_num_threads
+from . import Mesh as _Mesh
+
+__all__ = [
+    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "antialias_image", "depth", "differentials", "downsample",
+    "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads",
+    "over", "picture", "project", "rasterize", "reflect", "render", "sample_cube_map", "sample_texture",
+    "set_num_threads", "srgb_decode", "srgb_encode", "vertex_normals",
+]
+
+
+def _to_array(tensor):
+    """The numbers of a tensor, not copied unless it is not contiguous."""
+    if tensor is None:
+        return None
+    if tensor.device.type != "cpu":
+        raise RenderError(f"bokashi runs on a CPU and needs tensors that are there, got one on {tensor.device}")
+    return tensor.detach().contiguous().numpy()
+
+
+def _to_tensor(array):
+    return None if array is None else torch.from_numpy(array)
+
+
+class _Recorded(torch.autograd.Function):
+    """A step: `run(*arrays)` returns its outputs and its pull-back."""
+
+    @staticmethod
+    def forward(ctx, run, *tensors):
+        outputs, ctx.pull_back = run(*map(_to_array, tensors))
+        ctx.set_materialize_grads(False)
+        return tuple(map(torch.from_numpy, outputs))
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, *upstream):
+        wanted = ctx.needs_input_grad[1:]
+        gradients = ctx.pull_back(*map(_to_array, upstream), wanted=wanted)
+        return None, *map(_to_tensor, gradients)
+
+
+@torch.compiler.disable
+def _record(run: Callable, *tensors) -> tuple:
+    """The outputs of a step. Tensors are in the order of the native function's inputs."""
+    return _Recorded.apply(run, *tensors)
+
+
+def _only(run: Callable, *tensors):
+    (value,) = _record(run, *tensors)
+    return value
+
+
+def _like(value, tensor):
+    """A number as a tensor of the type of another; tensors and `None` stay as they are."""
+    return value if value is None or isinstance(value, torch.Tensor) else torch.as_tensor(value, dtype=tensor.dtype)
+
+
+def Mesh(faces, vertex_count: int) -> _Mesh:
+    """The faces of a triangle mesh: vertex indices `[F, 3]`, a tensor or an array of int32 or int64."""
+    return _Mesh(faces.numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
+
+
+def project(positions, camera, rotation=None, translation=None):
+    """As `bokashi.project`."""
+    optional = [_like(value, positions) for value in (rotation, translation)]
+    return _only(_native.project, positions, _like(camera, positions), *optional)
+
+
+def rasterize(clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = ()) -> Fragments:
+    """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
+    height, width = _size(size)
+    creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
+    meshes = [mesh for _, mesh in creases]
+    found = None
+
+    def run(clip, *attributes):
+        nonlocal found
+        found, outputs, pull_back = _native.rasterize(
+            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes))
+        )
+        return outputs, pull_back
+
+    barycentrics, *weight = _record(run, clip, *[values.detach() for values, _ in creases])
+    return Fragments(barycentrics, weight[0] if weight else None, clip, found)
+
+
+def interpolate(attributes, fragments: Fragments, mesh: _Mesh | None = None):
+    """As `bokashi.interpolate`."""
+    coverage = fragments.coverage
+    return _only(lambda *x: _native.interpolate(*x, coverage, mesh), attributes, *fragments.arrays)
+
+
+def depth(fragments: Fragments):
+    """As `bokashi.depth`."""
+    return _only(lambda *x: _native.depth(*x, fragments.coverage), *fragments.arrays)
+
+
+def differentials(fragments: Fragments):
+    """As `bokashi.differentials`."""
+    return _only(lambda *x: _native.differentials(*x, fragments.coverage), *fragments.arrays)
+
+
+def interpolate_differentials(attributes, fragments: Fragments, differentials, mesh: _Mesh | None = None):
+    """As `bokashi.interpolate_differentials`."""
+    coverage = fragments.coverage
+
+    def run(*x):
+        return _native.interpolate_differentials(*x, coverage, mesh)
+
+    return _only(run, attributes, differentials, *fragments.arrays)
+
+
+def picture(values, fragments: Fragments, background=None, *, antialias: bool = True, reference=None):
+    """As `bokashi.picture`: an image, or with a `reference` a loss."""
+    coverage = fragments.coverage
+    reference = _to_array(reference)
+
+    def run(*x):
+        return _native.picture(*x, coverage, antialias, reference)
+
+    # The reference is the last input, without a gradient.
+    tensors = values, _like(background, values), *fragments.arrays
+    return _only(_with_spare(run, reference), *tensors)
+
+
+def _with_spare(run: Callable, *spare):
+    """A step with further inputs that have no gradient."""
+
+    def run_with(*arrays):
+        outputs, pull_back = run(*arrays)
+        more = (False,) * len(spare)
+
+        def pull(*upstream, wanted):
+            return pull_back(*upstream, wanted=(*wanted, *more))[: len(wanted)]
+
+        return outputs, pull
+
+    return run_with
+
+
+def antialias_image(image, fragments: Fragments):
+    """As `bokashi.antialias_image`."""
+    coverage = fragments.coverage
+
+    def run(image, clip, barycentrics):
+        outputs, pull_back = _native.antialias_image(image, barycentrics, clip, coverage)
+
+        def pull(*upstream, wanted):
+            image_bar, _, clip_bar, _ = pull_back(*upstream, wanted=(wanted[0], False, wanted[1], False))
+            return image_bar, clip_bar, None
+
+        return outputs, pull
+
+    barycentrics, clip, _ = fragments.arrays
+    return _only(run, image, clip, barycentrics.detach())
+
+
+def render(
+    positions, mesh: _Mesh, colors, size, *, camera=None, background=None, color_mesh: _Mesh | None = None,
+    cull: str = "none", silhouettes: str = "exact", reference=None,
+):
+    """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
+    height, width = _size(size)
+    reference = _to_array(reference)
+
+    def run(*x):
+        return _native.render(*x, mesh, height, width, color_mesh, cull, silhouettes, reference)
+
+    tensors = positions, _like(camera, positions), colors, _like(background, positions)
+    return _only(_with_spare(run, reference), *tensors)
+
+
+class Renderer(torch.nn.Module):
+    """`render` as a module: a mesh, an image size and how silhouettes look."""
+
+    def __init__(
+        self, mesh: _Mesh, size, *, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact"
+    ):
+        super().__init__()
+        self.mesh, self.size, self.color_mesh = mesh, _size(size), color_mesh
+        self.cull, self.silhouettes = cull, silhouettes
+
+    def forward(self, positions, colors, camera=None, background=None, reference=None):
+        """The image of positions and colours, or with a reference image the sum of the squared errors."""
+        return render(
+            positions, self.mesh, colors, self.size, camera=camera, background=background, color_mesh=self.color_mesh,
+            cull=self.cull, silhouettes=self.silhouettes, reference=reference,
+        )
+
+    def extra_repr(self) -> str:
+        return f"{self.mesh!r}, size={self.size}, cull={self.cull!r}, silhouettes={self.silhouettes!r}"
+
+
+def mipmaps(texels, coarsest: int | None = None) -> tuple:
+    """As `bokashi.mipmaps`."""
+    return _record(lambda texels: _native.mipmaps(texels, coarsest), texels)
+
+
+def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
+    borders = (border, border) if isinstance(border, str) else tuple(border)
+    level, bias = _like(level, coordinates), _like(bias, coordinates)
+    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+
+    def run(coordinates, level, differentials, bias, *levels):
+        return function(
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+        )
+
+    return _only(run, coordinates, level, differentials, bias, texels, *(mips or ()))
+
+
+def sample_texture(
+    texels, coordinates, *, level=None, differentials=None, bias=None, filter: str = "trilinear", border="wrap",
+    coarsest: int | None = None, probes: int = 8, mips=None,
+):
+    """As `bokashi.sample_texture`."""
+    return _sample(
+        _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
+    )
+
+
+def sample_cube_map(
+    texels, directions, *, level=None, differentials=None, bias=None, filter: str = "trilinear",
+    coarsest: int | None = None, probes: int = 8, mips=None,
+):
+    """As `bokashi.sample_cube_map`."""
+    return _sample(
+        _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
+    )
+
+
+def gaussian_blur(
+    image, sigma, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6, radius: int | None = None
+):
+    """As `bokashi.gaussian_blur`."""
+    return _only(lambda *x: _native.gaussian_blur(*x, kernel, border, tolerance, radius), image, _like(sigma, image))
+
+
+def downsample(image, factor: int):
+    """As `bokashi.downsample`."""
+    return _only(lambda x: _native.downsample(x, factor), image)
+
+
+def face_normals(positions, mesh: _Mesh):
+    """As `bokashi.face_normals`."""
+    return _only(lambda x: _native.face_normals(x, mesh), positions)
+
+
+def vertex_normals(positions, mesh: _Mesh, weighting: str = "angle"):
+    """As `bokashi.vertex_normals`."""
+    return _only(lambda x: _native.vertex_normals(x, mesh, weighting), positions)
+
+
+def srgb_encode(x):
+    """As `bokashi.srgb_encode`."""
+    return _only(_native.srgb_encode, x)
+
+
+def srgb_decode(y):
+    """As `bokashi.srgb_decode`."""
+    return _only(_native.srgb_decode, y)
+
+
+def exposure(image, stops):
+    """As `bokashi.exposure`."""
+    return _only(_native.exposure, image, _like(stops, image))
+
+
+def over(front, back):
+    """As `bokashi.over`."""
+    return _only(_native.over, front, back)
+
+
+def reflect(directions, normals):
+    """As `bokashi.reflect`."""
+    return _only(_native.reflect, directions, normals)

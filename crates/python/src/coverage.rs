@@ -1,0 +1,223 @@
+//! Which faces cover which pixels.
+
+use std::sync::Arc;
+
+use bokashi_render_ops::{self as ops, Cull, Size};
+use numpy::{
+    PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smallvec::SmallVec;
+
+use crate::array::{Array, Number, by_type};
+use crate::error::Refusal;
+use crate::mesh::Mesh;
+use crate::step::to_array;
+
+/// Which faces cover which pixels of an image.
+#[pyclass(frozen, module = "bokashi")]
+#[derive(Clone)]
+pub struct Coverage(pub Arc<ops::Coverage>);
+
+/// The side that is not drawn.
+///
+/// # Errors
+/// `ValueError` for another word.
+pub fn cull(word: &str) -> PyResult<Cull> {
+    match word {
+        "none" => Ok(Cull::None),
+        "back" => Ok(Cull::Back),
+        "front" => Ok(Cull::Front),
+        _ => Err(PyValueError::new_err(format!(
+            "cull needs to be none, back or front, got {word:?}"
+        ))),
+    }
+}
+
+impl Coverage {
+    /// Rows `[N, ..]` of fragments at pixel centres on the pixels of an image of zeros, or back.
+    fn scattered<'py, T: Number>(
+        &self,
+        py: Python<'py>,
+        values: &Array<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+        let (shape, values) = values.view::<T>()?;
+        let (&[count, ref rest @ ..], Size { height, width }) = (shape, self.0.size()) else {
+            return Err(PyValueError::new_err("scatter needs rows of fragments, got a scalar"));
+        };
+        if count != self.0.count() {
+            let expected = self.0.count();
+            return Err(PyValueError::new_err(format!(
+                "scatter needs {expected} rows, got {count}"
+            )));
+        }
+        let columns = rest.iter().product();
+        let shape: SmallVec<[usize; 4]> =
+            [height, width].into_iter().chain(rest.iter().copied()).collect();
+        let mut image = vec![T::ZERO; height * width * columns];
+        self.0.scatter(values, columns, &mut image);
+        PyArray1::from_vec(py, image).reshape(&shape[..])
+    }
+
+    fn gathered<'py, T: Number>(
+        &self,
+        py: Python<'py>,
+        image: &Array<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+        let (shape, image) = image.view::<T>()?;
+        let Size { height, width } = self.0.size();
+        let rest = match *shape {
+            [h, w, ref rest @ ..] if [h, w] == [height, width] => rest,
+            _ => {
+                let message = format!(
+                    "gather needs an image of shape [{height}, {width}, ..], got {shape:?}"
+                );
+                return Err(PyValueError::new_err(message));
+            }
+        };
+        let columns = rest.iter().product();
+        let shape: SmallVec<[usize; 4]> =
+            std::iter::once(self.0.count()).chain(rest.iter().copied()).collect();
+        let mut values = vec![T::ZERO; self.0.count() * columns];
+        self.0.gather(image, columns, &mut values);
+        to_array(py, bokashi_core::Tensor::new(&shape[..], values).map_err(Refusal::from)?)
+    }
+}
+
+/// The columns of a dense image of fragments: u, v, depth and triangle id.
+const COLUMNS: usize = 4;
+
+impl Coverage {
+    /// Per pixel u, v, z / w and the id of the face, or zeros.
+    fn densely<'py, T: Number>(
+        &self,
+        py: Python<'py>,
+        barycentrics: &Array<'py>,
+        depths: &Array<'py>,
+        first_face: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+        let (uv, depths) = (barycentrics.view::<T>()?.1, depths.view::<T>()?.1);
+        let count = self.0.count();
+        if [uv.len(), depths.len()] != [2 * count, count] {
+            return Err(PyValueError::new_err(format!(
+                "dense needs {count} barycentrics and depths"
+            )));
+        }
+        let Size { height, width } = self.0.size();
+        let mut image = vec![T::ZERO; COLUMNS * height * width];
+        for run in self.0.runs() {
+            let id = T::from_f64((first_face + run.face + 1) as f64);
+            let pixels = image[COLUMNS * run.pixels.start..COLUMNS * run.pixels.end]
+                .as_chunks_mut::<COLUMNS>()
+                .0;
+            let uv = uv[2 * run.fragments.start..2 * run.fragments.end].as_chunks::<2>().0;
+            for ((pixel, &[u, v]), &depth) in pixels.iter_mut().zip(uv).zip(&depths[run.fragments])
+            {
+                *pixel = [u, v, depth, id];
+            }
+        }
+        PyArray1::from_vec(py, image).reshape(&[height, width, COLUMNS][..])
+    }
+}
+
+#[pymethods]
+impl Coverage {
+    /// An image `[H, W, 4]` of u, v, z / w and the id of the face, its index plus 1 plus `first_face`; zeros where nothing
+    /// is seen. From barycentrics `[N, 2]` and depths `[N]`.
+    #[pyo3(signature = (barycentrics, depths, first_face=0))]
+    fn dense<'py>(
+        &self,
+        py: Python<'py>,
+        barycentrics: Array<'py>,
+        depths: Array<'py>,
+        first_face: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        by_type!(depths, T => Ok(self.densely::<T>(py, &barycentrics, &depths, first_face)?.into_any()))
+    }
+
+    /// The coverage of an image `[H, W]` of triangle ids: the index of the face that a pixel sees plus 1, or 0. With clip
+    /// positions `[V, 4]` it knows silhouettes.
+    #[staticmethod]
+    #[pyo3(signature = (mesh, ids, clip=None, cull="none"))]
+    fn from_ids(
+        mesh: &Mesh,
+        ids: PyReadonlyArrayDyn<'_, u32>,
+        clip: Option<Array<'_>>,
+        cull: &str,
+    ) -> PyResult<Self> {
+        let &[height, width] = ids.shape() else {
+            return Err(PyValueError::new_err(format!(
+                "ids need shape [H, W], got {:?}",
+                ids.shape()
+            )));
+        };
+        let cull = self::cull(cull)?;
+        let of = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
+        let mut coverage = of.map_err(Refusal::from)?;
+        if let Some(clip) = clip {
+            coverage = by_type!(clip, T => {
+                let (shape, entries) = clip.view::<T>()?;
+                let clip = bokashi_core::Tensor::new(shape, entries.to_vec()).map_err(Refusal::from)?;
+                coverage.with_orientations(&clip, cull).map_err(Refusal::from)?
+            });
+        }
+        Ok(Self(Arc::new(coverage)))
+    }
+
+    /// The number of fragments.
+    fn __len__(&self) -> usize {
+        self.0.count()
+    }
+
+    /// The number of fragments at pixel centres, which come before the pieces of exact coverage.
+    #[getter]
+    fn centers(&self) -> usize {
+        self.0.centers()
+    }
+
+    /// The image's height and width.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        let Size { width, height } = self.0.size();
+        (height, width)
+    }
+
+    /// The mesh.
+    #[getter]
+    fn mesh(&self) -> Mesh {
+        Mesh(self.0.mesh().clone())
+    }
+
+    /// The face of each fragment, `[N]`, `uint32`.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_iter(py, self.0.faces().map(|face| face as u32))
+    }
+
+    /// The pixel of each fragment, `[N]`, `uint32`: row times width plus column.
+    #[getter]
+    fn pixels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_iter(py, self.0.pixels().map(|pixel| pixel as u32))
+    }
+
+    /// Per pixel the index of the face that it sees plus 1, or 0, `[H, W]`, `uint32`.
+    fn triangle_ids<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let Size { width, height } = self.0.size();
+        PyArray1::from_vec(py, self.0.triangle_ids()).reshape([height, width])
+    }
+
+    /// An image `[H, W, ..]` with the rows `[N, ..]` of fragments at pixel centres, and zeros.
+    fn scatter<'py>(&self, py: Python<'py>, values: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
+        by_type!(values, T => Ok(self.scattered::<T>(py, &values)?.into_any()))
+    }
+
+    /// The rows `[N, ..]` of fragments at pixel centres from an image `[H, W, ..]`; zeros for pieces.
+    fn gather<'py>(&self, py: Python<'py>, image: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
+        by_type!(image, T => Ok(self.gathered::<T>(py, &image)?.into_any()))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Coverage({} fragments in {} pixels)", self.0.count(), self.0.size())
+    }
+}

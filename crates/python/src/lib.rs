@@ -1,0 +1,43 @@
+//! Bokashi from Python: arrays come in, values and pull-backs go out.
+//!
+//! Each function records one step on a tape of its own, with the interpreter's lock released, and returns what it
+//! computed beside a `PullBack`, which holds the tape until Python lets go of it. What Python users call stands in
+//! `python/bokashi`.
+
+mod array;
+mod coverage;
+mod error;
+mod mesh;
+mod operations;
+mod pull_back;
+mod rendering;
+mod step;
+mod texture;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::coverage::Coverage;
+    #[pymodule_export]
+    use super::error::RenderError;
+    #[pymodule_export]
+    use super::mesh::Mesh;
+    #[pymodule_export]
+    use super::operations::{
+        downsample, exposure, face_normals, gaussian_blur, over, project, reflect, srgb_decode,
+        srgb_encode, vertex_normals,
+    };
+    #[pymodule_export]
+    use super::pull_back::PullBack;
+    #[pymodule_export]
+    use super::rendering::{
+        antialias_image, depth, differentials, interpolate, interpolate_differentials, picture,
+        rasterize, render,
+    };
+    #[pymodule_export]
+    use super::step::{num_threads, set_num_threads};
+    #[pymodule_export]
+    use super::texture::{mipmaps, sample_cube_map, sample_texture};
+}

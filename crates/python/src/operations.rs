@@ -1,0 +1,131 @@
+//! Operations on arrays alone.
+
+use bokashi_render_ops::{self as ops, Blur, Border, Filter, Kernel, Pose, Radius, Weighting};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use smallvec::smallvec;
+
+use crate::array::{Array, by_type};
+use crate::error::Refusal;
+use crate::mesh::Mesh;
+use crate::pull_back::PullBack;
+use crate::step::record;
+
+/// The outputs of a step, and its pull-back.
+pub type Recorded<'py> = PyResult<(Bound<'py, PyTuple>, PullBack)>;
+
+/// What lies beyond an image.
+fn border(word: &str) -> PyResult<Border> {
+    match word {
+        "mirror" => Ok(Border::Mirror),
+        "clamp" => Ok(Border::Clamp),
+        "zero" => Ok(Border::Zero),
+        _ => Err(PyValueError::new_err(format!(
+            "border needs to be mirror, clamp or zero, got {word:?}"
+        ))),
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (positions, camera, rotation=None, translation=None))]
+pub fn project<'py>(
+    py: Python<'py>,
+    positions: Array<'py>,
+    camera: Array<'py>,
+    rotation: Option<Array<'py>>,
+    translation: Option<Array<'py>>,
+) -> Recorded<'py> {
+    let inputs = [Some(&positions), Some(&camera), rotation.as_ref(), translation.as_ref()];
+    by_type!(positions, T => record::<T>(py, &inputs, |tape, x| {
+        let zero = || bokashi_core::Tensor::zeros([3]);
+        let unit = || bokashi_core::Tensor::from([0.0, 0.0, 0.0, 1.0]).cast::<T>();
+        let pose = (x[2].is_some() || x[3].is_some()).then(|| Pose {
+            rotation: x[2].unwrap_or_else(|| tape.constant(&unit())),
+            translation: x[3].unwrap_or_else(|| tape.constant(&zero())),
+        });
+        let [Some(positions), Some(camera), ..] = x[..] else { unreachable!("they are required") };
+        Ok(smallvec![ops::project(positions, camera, pose)?])
+    }))
+}
+
+#[pyfunction]
+#[pyo3(signature = (image, sigma, kernel="sampled", border="mirror", tolerance=1e-6, radius=None))]
+pub fn gaussian_blur<'py>(
+    py: Python<'py>,
+    image: Array<'py>,
+    sigma: Array<'py>,
+    kernel: &str,
+    border: &str,
+    tolerance: f64,
+    radius: Option<usize>,
+) -> Recorded<'py> {
+    let kernel: Kernel = kernel.parse().map_err(Refusal::from)?;
+    let radius = radius.map_or(Radius::Tolerance(tolerance), Radius::Fixed);
+    let blur = Blur { kernel, border: self::border(border)?, radius };
+    by_type!(image, T => record::<T>(py, &[Some(&image), Some(&sigma)], |_, x| {
+        let [Some(image), Some(sigma)] = x[..] else { unreachable!("they are required") };
+        Ok(smallvec![ops::gaussian_blur(image, sigma, &blur)?])
+    }))
+}
+
+#[pyfunction]
+pub fn downsample<'py>(py: Python<'py>, image: Array<'py>, factor: usize) -> Recorded<'py> {
+    by_type!(image, T => record::<T>(py, &[Some(&image)], |_, x| {
+        let [Some(image)] = x[..] else { unreachable!("it is required") };
+        Ok(smallvec![ops::downsample(image, factor, &Filter::Box, Border::Mirror)?])
+    }))
+}
+
+#[pyfunction]
+pub fn face_normals<'py>(py: Python<'py>, positions: Array<'py>, mesh: &Mesh) -> Recorded<'py> {
+    by_type!(positions, T => record::<T>(py, &[Some(&positions)], |_, x| {
+        let [Some(positions)] = x[..] else { unreachable!("it is required") };
+        Ok(smallvec![ops::face_normals(positions, &mesh.0)?])
+    }))
+}
+
+#[pyfunction]
+#[pyo3(signature = (positions, mesh, weighting="angle"))]
+pub fn vertex_normals<'py>(
+    py: Python<'py>,
+    positions: Array<'py>,
+    mesh: &Mesh,
+    weighting: &str,
+) -> Recorded<'py> {
+    let weighting = match weighting {
+        "angle" => Weighting::Angle,
+        "area" => Weighting::Area,
+        _ => {
+            let message = format!("weighting needs to be angle or area, got {weighting:?}");
+            return Err(PyValueError::new_err(message));
+        }
+    };
+    by_type!(positions, T => record::<T>(py, &[Some(&positions)], |_, x| {
+        let [Some(positions)] = x[..] else { unreachable!("it is required") };
+        Ok(smallvec![ops::vertex_normals(positions, &mesh.0, weighting)?])
+    }))
+}
+
+/// Operations whose inputs are arrays, and whose output is one.
+macro_rules! of_arrays {
+    ($($name:ident($($input:ident),+) => $call:expr;)+) => {$(
+        #[pyfunction]
+        pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
+            let inputs = [$(Some(&$input)),+];
+            let first: &Array<'_> = inputs[0].expect("it was just put there");
+            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
+                let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
+                Ok(smallvec![$call])
+            }))
+        }
+    )+};
+}
+
+of_arrays! {
+    srgb_encode(x) => ops::srgb_encode(x)?;
+    srgb_decode(y) => ops::srgb_decode(y)?;
+    exposure(image, stops) => ops::exposure(image, stops)?;
+    over(front, back) => ops::over(front, back)?;
+    reflect(directions, normals) => ops::reflect(directions, normals)?;
+}

@@ -1,0 +1,273 @@
+//! Operations with fragments.
+
+use std::sync::Arc;
+
+use bokashi_core::{OutputVars, Scalar, Var};
+use bokashi_render_ops::{
+    self as ops, Background, PixelLoss, RasterOptions, Sampling, Silhouettes, Size,
+    VertexAttributes,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use smallvec::smallvec;
+
+use crate::array::{Array, by_type};
+use crate::coverage::{Coverage, cull};
+use crate::error::Refusal;
+use crate::mesh::Mesh;
+use crate::operations::Recorded;
+use crate::pull_back::PullBack;
+use crate::step::{Given, record};
+
+/// Arrays of fragments: barycentrics, clip positions, and with exact coverage weights.
+type Arrays<'a, 'py> = [Option<&'a Array<'py>>; 3];
+
+/// The fragments of the arrays from input `first` on.
+fn fragments<'t, T: Scalar>(
+    given: &Given<'t, T>,
+    first: usize,
+    coverage: &Arc<ops::Coverage>,
+) -> ops::Fragments<'t, T> {
+    let [Some(barycentrics), Some(clip), weight] = given[first..first + 3] else {
+        unreachable!("they are required")
+    };
+    ops::Fragments { barycentrics, clip, weight, coverage: Arc::clone(coverage) }
+}
+
+fn background<'t, T: Scalar>(given: Option<Var<'t, T>>) -> Background<'t, T> {
+    match given {
+        None => Background::Zero,
+        Some(values) if values.shape().rank() == 1 => Background::Color(values),
+        Some(values) => Background::Image(values),
+    }
+}
+
+/// Outputs: the barycentrics, with `exact` the weights, and where they are asked for the depths and the differentials.
+/// With `exact`, `creases` are the attributes that will be shown, each with its index buffer, and gradients go to the
+/// positions alone. With `behind`, what is seen behind a layer of the same positions.
+#[pyfunction]
+#[pyo3(signature = (
+    clip, mesh, height, width, cull="none", exact=false, creases=vec![], with_depth=false, with_differentials=false,
+    behind=None
+))]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
+pub fn rasterize<'py>(
+    py: Python<'py>,
+    clip: Array<'py>,
+    mesh: &Mesh,
+    height: usize,
+    width: usize,
+    cull: &str,
+    exact: bool,
+    creases: Vec<(Array<'py>, Option<Py<Mesh>>)>,
+    with_depth: bool,
+    with_differentials: bool,
+    behind: Option<&Coverage>,
+) -> PyResult<(Coverage, Bound<'py, PyTuple>, PullBack)> {
+    let sampling = if exact { Sampling::Exact } else { Sampling::Center };
+    let options =
+        RasterOptions::new(Size { width, height }).cull(self::cull(cull)?).sampling(sampling);
+    let meshes: Vec<_> =
+        creases.iter().map(|(_, mesh)| mesh.as_ref().map(|mesh| &mesh.get().0)).collect();
+    let inputs: Vec<_> = std::iter::once(Some(&clip))
+        .chain(creases.iter().map(|(values, _)| Some(values)))
+        .collect();
+    let mut coverage = None;
+    let (outputs, pull_back) = by_type!(clip, T => record::<T>(py, &inputs, |tape, x| {
+        let clip = x[0].expect("it is required");
+        let fragments = if let Some(Coverage(front)) = behind {
+            let barycentrics = tape.constant_full([front.count(), 2], T::ZERO);
+            let coverage = Arc::clone(front);
+            let front = ops::Fragments { barycentrics, weight: None, clip, coverage };
+            ops::rasterize_behind(&front, options)?
+        } else {
+            let shown: Vec<_> = x[1..]
+                .iter()
+                .zip(&meshes)
+                .filter_map(|(values, &indices)| Some(VertexAttributes { values: (*values)?, indices }))
+                .collect();
+            ops::rasterize(clip, &mesh.0, options.creases(&shown))?
+        };
+        coverage = Some(Arc::clone(&fragments.coverage));
+        let mut outputs: OutputVars<'_, T> = smallvec![fragments.barycentrics];
+        outputs.extend(fragments.weight);
+        if with_depth {
+            outputs.push(ops::depth(&fragments)?);
+        }
+        if with_differentials {
+            outputs.push(ops::differentials(&fragments)?);
+        }
+        Ok(outputs)
+    })?);
+    Ok((Coverage(coverage.expect("it was just found")), outputs, pull_back))
+}
+
+#[pyfunction]
+#[pyo3(signature = (attributes, barycentrics, clip, weight, coverage, mesh=None))]
+pub fn interpolate<'py>(
+    py: Python<'py>,
+    attributes: Array<'py>,
+    barycentrics: Array<'py>,
+    clip: Array<'py>,
+    weight: Option<Array<'py>>,
+    coverage: &Coverage,
+    mesh: Option<&Mesh>,
+) -> Recorded<'py> {
+    let inputs = [Some(&attributes), Some(&barycentrics), Some(&clip), weight.as_ref()];
+    by_type!(attributes, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments(x, 1, &coverage.0);
+        let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
+        let attributes = x[0].expect("they are required");
+        Ok(smallvec![ops::interpolate_indexed(attributes, indices, &fragments)?])
+    }))
+}
+
+#[pyfunction]
+#[pyo3(signature = (attributes, differentials, barycentrics, clip, weight, coverage, mesh=None))]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
+pub fn interpolate_differentials<'py>(
+    py: Python<'py>,
+    attributes: Array<'py>,
+    differentials: Array<'py>,
+    barycentrics: Array<'py>,
+    clip: Array<'py>,
+    weight: Option<Array<'py>>,
+    coverage: &Coverage,
+    mesh: Option<&Mesh>,
+) -> Recorded<'py> {
+    let inputs = [
+        Some(&attributes),
+        Some(&differentials),
+        Some(&barycentrics),
+        Some(&clip),
+        weight.as_ref(),
+    ];
+    by_type!(attributes, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments(x, 2, &coverage.0);
+        let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
+        let [Some(attributes), Some(differentials), ..] = x[..] else { unreachable!("they are required") };
+        let values = ops::interpolate_differentials_indexed(attributes, indices, &fragments, differentials)?;
+        Ok(smallvec![values])
+    }))
+}
+
+/// Operations on fragments alone.
+macro_rules! of_fragments {
+    ($($name:ident)+) => {$(
+        #[pyfunction]
+        #[pyo3(signature = (barycentrics, clip, weight, coverage))]
+        pub fn $name<'py>(
+            py: Python<'py>,
+            barycentrics: Array<'py>,
+            clip: Array<'py>,
+            weight: Option<Array<'py>>,
+            coverage: &Coverage,
+        ) -> Recorded<'py> {
+            let inputs: Arrays<'_, 'py> = [Some(&barycentrics), Some(&clip), weight.as_ref()];
+            by_type!(barycentrics, T => record::<T>(py, &inputs, |_, x| {
+                Ok(smallvec![ops::$name(&fragments(x, 0, &coverage.0))?])
+            }))
+        }
+    )+};
+}
+
+of_fragments! { depth differentials }
+
+/// What stands before a background: the image, or with a reference the sum of the squared errors.
+fn finish<'t, T: Scalar>(
+    picture: &ops::Picture<'t, T>,
+    reference: Option<Var<'t, T>>,
+) -> Result<OutputVars<'t, T>, Refusal> {
+    let Some(reference) = reference else { return Ok(smallvec![picture.image()?]) };
+    let zero = bokashi_core::Tensor::zeros([picture.channels()]);
+    let behind = match picture.background() {
+        Background::Color(color) => color.value(),
+        _ => zero,
+    };
+    Ok(smallvec![picture.loss(&PixelLoss::squared(&reference.value(), &behind)?)?])
+}
+
+/// Inputs: values, background, barycentrics, clip, weight. With a reference, a loss.
+#[pyfunction]
+#[pyo3(signature = (values, background, barycentrics, clip, weight, coverage, antialias=true, reference=None))]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
+pub fn picture<'py>(
+    py: Python<'py>,
+    values: Array<'py>,
+    background: Option<Array<'py>>,
+    barycentrics: Array<'py>,
+    clip: Array<'py>,
+    weight: Option<Array<'py>>,
+    coverage: &Coverage,
+    antialias: bool,
+    reference: Option<Array<'py>>,
+) -> Recorded<'py> {
+    let inputs = [
+        Some(&values),
+        background.as_ref(),
+        Some(&barycentrics),
+        Some(&clip),
+        weight.as_ref(),
+        reference.as_ref(),
+    ];
+    by_type!(values, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments(x, 2, &coverage.0);
+        let values = x[0].expect("they are required");
+        let composite = ops::composite(values, &fragments, self::background(x[1]))?;
+        let picture = if antialias && x[4].is_none() { ops::antialias(composite)? } else { composite.into() };
+        finish(&picture, x[5].map(Var::detach))
+    }))
+}
+
+#[pyfunction]
+#[pyo3(signature = (image, barycentrics, clip, coverage))]
+pub fn antialias_image<'py>(
+    py: Python<'py>,
+    image: Array<'py>,
+    barycentrics: Array<'py>,
+    clip: Array<'py>,
+    coverage: &Coverage,
+) -> Recorded<'py> {
+    let inputs = [Some(&image), Some(&barycentrics), Some(&clip), None];
+    by_type!(image, T => record::<T>(py, &inputs, |_, x| {
+        let image = x[0].expect("it is required");
+        Ok(smallvec![ops::antialias_image(image, &fragments(x, 1, &coverage.0))?])
+    }))
+}
+
+/// A whole step: positions and a camera, colours at vertices, a background. With a reference, a loss.
+#[pyfunction]
+#[pyo3(signature = (
+    positions, camera, colors, background, mesh, height, width, color_mesh=None, cull="none", silhouettes="exact",
+    reference=None
+))]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
+pub fn render<'py>(
+    py: Python<'py>,
+    positions: Array<'py>,
+    camera: Option<Array<'py>>,
+    colors: Array<'py>,
+    background: Option<Array<'py>>,
+    mesh: &Mesh,
+    height: usize,
+    width: usize,
+    color_mesh: Option<&Mesh>,
+    cull: &str,
+    silhouettes: &str,
+    reference: Option<Array<'py>>,
+) -> Recorded<'py> {
+    let silhouettes: Silhouettes = silhouettes.parse().map_err(Refusal::from)?;
+    let options =
+        RasterOptions::new(Size { width, height }).cull(self::cull(cull)?).silhouettes(silhouettes);
+    let inputs =
+        [Some(&positions), camera.as_ref(), Some(&colors), background.as_ref(), reference.as_ref()];
+    by_type!(positions, T => record::<T>(py, &inputs, |_, x| {
+        let [Some(positions), camera, Some(values), behind, reference] = x[..] else {
+            unreachable!("they are required")
+        };
+        let clip = camera.map_or(Ok(positions), |camera| ops::project(positions, camera, None))?;
+        let colors = VertexAttributes { values, indices: color_mesh.map(|mesh| &mesh.0) };
+        let picture = ops::render(clip, &mesh.0, colors, options, self::background(behind))?;
+        finish(&picture, reference.map(Var::detach))
+    }))
+}

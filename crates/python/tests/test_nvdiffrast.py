@@ -1,0 +1,235 @@
+"""The stand-in for nvdiffrast: recorded outputs, its documentation's formulas, and gradients."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import bokashi.nvdiffrast as dr
+
+CONTEXT = dr.RasterizeCudaContext()
+
+
+def recorded():
+    data = (Path(__file__).parent / "nvdiffrast_recorded" / "recorded.safetensors").read_bytes()
+    length = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + length])
+    types = {"F32": np.float32, "I32": np.int32}
+    arrays = {}
+    for name, entry in header.items():
+        if name != "__metadata__":
+            start, end = (8 + length + at for at in entry["data_offsets"])
+            arrays[name] = np.frombuffer(data[start:end], types[entry["dtype"]]).reshape(entry["shape"]).copy()
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
+
+
+def assert_close(found, expected, tolerance=1e-6):
+    found, expected = found.detach().double(), expected.double()
+    assert found.shape == expected.shape
+    assert float((found - expected).abs().max()) <= tolerance * max(1.0, float(expected.abs().max()))
+
+
+def leaf(array):
+    return array.clone().requires_grad_()
+
+
+def recorded_scene():
+    pos = torch.tensor([[[-0.7, 0.8, 0, 1], [0.8, 0.7, 0.1, 1], [0.7, -0.8, 0.2, 1], [-0.8, -0.7, 0, 1]]])
+    tri = torch.tensor([[0, 1, 2], [0, 2, 3]], dtype=torch.int32)
+    attr = torch.tensor([[[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]]])
+    y, x = torch.meshgrid(torch.arange(8.0), torch.arange(8.0), indexing="ij")
+    tex = torch.stack([x / 7, y / 7, (x + y) / 14], -1)[None]
+    coordinates = torch.tensor([[[0.1, 0.1], [0.85, 0.2], [0.9, 0.85], [0.2, 0.9]]])
+    return leaf(pos), tri, leaf(attr), leaf(tex), coordinates
+
+
+def test_recorded_outputs_and_gradients_are_met():
+    known = recorded()
+    pos, tri, attr, tex, coordinates = recorded_scene()
+    rast, rast_db = dr.rasterize(CONTEXT, pos, tri, resolution=[16, 16])
+    assert torch.equal(rast[..., 3], known["rast"][..., 3])
+    assert_close(rast, known["rast"])
+    assert_close(rast_db, known["rast_db"])
+    ((rast * known["co_rast"]).sum() + (rast_db * known["co_rast_db"]).sum()).backward()
+    assert_close(pos.grad, known["d_pos_from_rast"])
+
+    rast, rast_db = leaf(known["rast"]), leaf(known["rast_db"])
+    out, out_da = dr.interpolate(attr, rast, tri, rast_db=rast_db, diff_attrs="all")
+    assert_close(out, known["interp_out"])
+    assert_close(out_da, known["interp_out_da"])
+    ((out * known["co_interp_out"]).sum() + (out_da * known["co_interp_out_da"]).sum()).backward()
+    assert_close(attr.grad, known["d_attr_from_interp"])
+    assert_close(rast.grad, known["d_rast_from_interp"])
+    assert_close(rast_db.grad, known["d_rast_db_from_interp"])
+
+    own_uv, own_da = dr.interpolate(coordinates, known["rast"], tri, rast_db=known["rast_db"], diff_attrs="all")
+    assert_close(own_uv, known["uv"])
+    assert_close(own_da, known["uv_da"])
+    uv, uv_da = leaf(known["uv"]), leaf(known["uv_da"])
+    out = dr.texture(tex, uv, filter_mode="linear", boundary_mode="clamp")
+    assert_close(out, known["tex_bilinear"])
+    out.backward(known["co_tex"])
+    assert_close(tex.grad, known["d_tex_from_bilinear"])
+    assert_close(uv.grad, known["d_uv_from_bilinear"])
+    for mip in (None, dr.texture_construct_mip(tex)):
+        tex.grad, uv.grad, uv_da.grad = None, None, None
+        out = dr.texture(tex, uv, uv_da, mip=mip, filter_mode="linear-mipmap-linear", boundary_mode="clamp")
+        assert_close(out, known["tex_trilinear"])
+        out.backward(known["co_tex"])
+        assert_close(tex.grad, known["d_tex_from_trilinear"])
+        assert_close(uv.grad, known["d_uv_from_trilinear"])
+        assert_close(uv_da.grad, known["d_uvDA_from_trilinear"])
+
+    pos.grad, color = None, torch.full((1, 16, 16, 3), 0.7, requires_grad=True)
+    out = dr.antialias(color, known["rast"], pos, tri)
+    assert_close(out, known["antialias_out"])
+    out.backward(known["co_antialias"])
+    assert_close(color.grad, known["d_color_from_antialias"])
+    assert_close(pos.grad, known["d_pos_from_antialias"])
+
+
+def faces_in_perspective(generator, images, vertices=6, faces=5):
+    """Random positions [N, V, 4] and faces, in doubles."""
+    ndc = generator.uniform(-1, 1, (images, vertices, 3))
+    w = generator.uniform(0.6, 1.6, (images, vertices, 1))
+    pos = torch.from_numpy(np.concatenate([ndc * w, w], 2))
+    tri = np.stack([generator.permutation(vertices)[:3] for _ in range(faces)]).astype(np.int32)
+    return leaf(pos), torch.from_numpy(tri)
+
+
+def check(function, *inputs):
+    assert torch.autograd.gradcheck(function, inputs, eps=1e-7, atol=1e-5, rtol=1e-4, nondet_tol=0.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_gradients_are_true(seed):
+    generator = np.random.default_rng(seed)
+    images = 1 + seed % 3
+    pos, tri = faces_in_perspective(generator, images)
+    size = [6, 7]
+
+    def drawn(pos):
+        rast, rast_db = dr.rasterize(CONTEXT, pos, tri, size)
+        return rast[..., :2], rast_db
+
+    check(drawn, pos)
+    rast, rast_db = [array.detach() for array in dr.rasterize(CONTEXT, pos, tri, size)]
+    attr = leaf(torch.from_numpy(generator.normal(size=(1 if seed % 2 else images, 6, 3))))
+
+    def at_pixels(attr, rast, rast_db):
+        return dr.interpolate(attr, rast, tri, rast_db, diff_attrs=[0, 2])
+
+    # The ids are no place to take differences at.
+    def with_ids(attr, uv, rast_db):
+        return at_pixels(attr, torch.cat([uv, rast[..., 2:]], -1), rast_db)
+
+    check(with_ids, attr, leaf(rast[..., :2].clone()), leaf(rast_db))
+    color = leaf(torch.from_numpy(generator.normal(size=(images, *size, 2))))
+    check(lambda color, pos: dr.antialias(color, rast, pos, tri), color, pos)
+
+
+@pytest.mark.parametrize("boundary", ["wrap", "clamp", "zero", "cube"])
+@pytest.mark.parametrize("mode", ["linear", "linear-mipmap-nearest", "linear-mipmap-linear"])
+def test_gradients_of_textures_are_true(boundary, mode):
+    generator = np.random.default_rng(len(boundary) + len(mode))
+
+    def numbers(low, high, *shape):
+        return leaf(torch.from_numpy(generator.uniform(low, high, shape)))
+
+    is_cube = boundary == "cube"
+    tex = numbers(0, 1, 2, 6, 4, 4, 2) if is_cube else numbers(0, 1, 1, 8, 8, 2)
+    uv = numbers(-1, 1, 2, 2, 3, 3) if is_cube else numbers(-0.3, 1.3, 2, 2, 3, 2)
+    uv_da = numbers(0.05, 0.3, 2, 2, 3, 6 if is_cube else 4)
+    bias = numbers(-0.2, 0.2, 2, 2, 3)
+    if mode == "linear":
+        return check(lambda t, x: dr.texture(t, x, filter_mode=mode, boundary_mode=boundary), tex, uv)
+
+    def sampled(t, x, d, b):
+        return dr.texture(t, x, d, mip_level_bias=b, filter_mode=mode, boundary_mode=boundary, max_mip_level=2)
+
+    check(sampled, tex, uv, uv_da, bias)
+    levels = [numbers(0, 1, *[n // 2 if k in ((2, 3) if is_cube else (1, 2)) else n for k, n in enumerate(tex.shape)])]
+    check(
+        lambda t, x, b, *m: dr.texture(t, x, mip_level_bias=b, mip=list(m), filter_mode=mode, boundary_mode=boundary),
+        tex, uv, numbers(0.1, 0.9, 2, 2, 3), *levels,
+    )
+
+
+def test_ranges_peels_and_lost_objects():
+    generator = np.random.default_rng(5)
+    pos, tri = faces_in_perspective(generator, 1, vertices=9, faces=8)
+    ranges = torch.tensor([[0, 3], [3, 5], [2, 4]], dtype=torch.int32)
+    attr = leaf(torch.from_numpy(generator.normal(size=(9, 3))))
+
+    def image(pos, attr, lose=False):
+        rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [8, 8], ranges=ranges)
+        if lose:
+            rast = rast.clone()
+        out, _ = dr.interpolate(attr, rast, tri, rast_db, diff_attrs="all")
+        return dr.antialias(out, rast, pos, tri)
+
+    whole = image(pos[0], attr)
+    assert whole.shape == (3, 8, 8, 3)
+    for k, (start, count) in enumerate(ranges.tolist()):
+        part = tri[start : start + count].contiguous()
+        rast, _ = dr.rasterize(CONTEXT, pos, part, [8, 8])
+        of_part, _ = dr.interpolate(attr, rast, part)
+        assert torch.equal(dr.antialias(of_part, rast, pos, part)[0], whole[k])
+        ids, _ = dr.rasterize(CONTEXT, pos[0], tri, [8, 8], ranges=ranges)
+        assert torch.equal(ids[k, ..., 3], rast[0, ..., 3] + start * (rast[0, ..., 3] > 0))
+    check(lambda pos, attr: dr.interpolate(attr, dr.rasterize(CONTEXT, pos[0], tri, [6, 6], ranges=ranges)[0], tri)[0], pos, attr)
+
+    seen = []
+    with dr.DepthPeeler(CONTEXT, pos, tri, [8, 8]) as peeler:
+        for _ in range(3):
+            rast, rast_db = peeler.rasterize_next_layer()
+            seen.append(rast)
+    first, _ = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+    assert torch.equal(seen[0], first)
+    for near, far in zip(seen, seen[1:]):
+        both = (near[..., 3] > 0) & (far[..., 3] > 0)
+        assert bool((near[..., 2] <= far[..., 2])[both].all()) and int(both.sum()) > 0
+        assert not bool((far[..., 3] > 0)[near[..., 3] == 0].any())
+
+    for lose in (lambda t: t.clone(), lambda t: t.detach(), lambda t: torch.cat([t]), lambda t: t.view(t.shape), lambda t: t[:1]):
+        rast, _ = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+        out, _ = dr.interpolate(attr[None], lose(rast), tri)
+        assert torch.equal(out, dr.interpolate(attr[None], rast, tri)[0])
+        assert torch.equal(dr.antialias(out, lose(rast), pos, tri), dr.antialias(out, rast, pos, tri))
+
+
+def test_levels_are_those_of_the_longer_axis_of_the_footprint():
+    generator = np.random.default_rng(3)
+    levels = [torch.full((1, 64 >> k, 64 >> k, 1), float(k), dtype=torch.float64) for k in range(7)]
+    da = torch.from_numpy(generator.normal(size=(1, 10, 20, 4)) * 0.08)
+    uv = torch.from_numpy(generator.uniform(size=(1, 10, 20, 2)))
+    found = dr.texture(levels[0], uv, da, mip=levels[1:], filter_mode="linear-mipmap-linear")
+    # d/dX and d/dY of texel coordinates; the larger singular value.
+    jacobian = 64 * da.reshape(10, 20, 2, 2)
+    expected = torch.log2(torch.linalg.svdvals(jacobian)[..., 0]).clamp(0, 6)
+    assert_close(found[0, ..., 0], expected, 1e-9)
+
+
+def test_what_is_refused_says_why():
+    pos, tri = faces_in_perspective(np.random.default_rng(1), 1)
+    rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [4, 4])
+    attr = torch.zeros(1, 6, 3, dtype=torch.float64)
+    for wrong, message in [
+        (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4]), "pos needs shape \\[N, V, 4\\]"),
+        (lambda: dr.rasterize(CONTEXT, pos, tri.long(), [4, 4]), "dtype int32"),
+        (lambda: dr.interpolate(attr, rast, tri, diff_attrs="all"), "needs rast_db for diff_attrs"),
+        (lambda: dr.interpolate(attr, rast, tri[:2].contiguous()), "faces"),
+        (lambda: dr.texture(attr[None], attr, filter_mode="cubic"), "filter_mode needs to be"),
+        (lambda: dr.texture(attr[None], attr, filter_mode="linear-mipmap-linear"), "needs uv_da or mip_level_bias"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            wrong()
+    (twice,) = torch.autograd.grad(dr.interpolate(leaf(attr), rast, tri)[0].sum(), [rast], allow_unused=True)
+    assert twice is not None
+    out = dr.rasterize(CONTEXT, pos, tri, [4, 4])[0][..., :2]
+    (bar,) = torch.autograd.grad(out.square().sum(), pos, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        bar.sum().backward()
