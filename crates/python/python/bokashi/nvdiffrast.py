@@ -248,7 +248,9 @@ class _Interpolate(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, out_bar, da_bar):
-        attr_shape, rast_shape = ctx.shapes
+        if out_bar is None and da_bar is None:
+            return (None,) * 5
+        attr_shape, _ = ctx.shapes
         wants_attr, wants_rast, wants_db = ctx.needs_input_grad[:3]
         dtype = (out_bar if out_bar is not None else da_bar).numpy().dtype
         attr_bar = np.zeros(attr_shape, dtype) if wants_attr else None
