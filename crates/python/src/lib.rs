@@ -7,10 +7,12 @@
 mod array;
 mod coverage;
 mod error;
+mod learning;
 mod mesh;
 mod operations;
 mod pull_back;
 mod rendering;
+mod scene;
 mod step;
 mod texture;
 
@@ -21,7 +23,9 @@ mod _native {
     #[pymodule_export]
     use super::coverage::Coverage;
     #[pymodule_export]
-    use super::error::RenderError;
+    use super::error::{RenderError, SceneError};
+    #[pymodule_export]
+    use super::learning::Learning;
     #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]
@@ -36,6 +40,8 @@ mod _native {
         antialias_image, depth, differentials, interpolate, interpolate_differentials, picture,
         rasterize, render,
     };
+    #[pymodule_export]
+    use super::scene::{Scene, SceneFit, encode_png};
     #[pymodule_export]
     use super::step::{num_threads, set_num_threads};
     #[pymodule_export]

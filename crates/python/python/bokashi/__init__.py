@@ -31,11 +31,14 @@ from typing import Sequence
 import numpy as np
 
 from . import _native
-from ._native import Coverage, Mesh, PullBack, RenderError, num_threads, set_num_threads
+from ._check import Slope, check
+from ._native import Coverage, Mesh, PullBack, RenderError, SceneError, num_threads, set_num_threads
+from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "PullBack", "RenderError", "antialias_image", "depth", "differentials",
-    "downsample", "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps",
+    "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
+    "SceneError", "Slope", "fit",
+    "antialias_image", "check", "depth", "differentials", "downsample", "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps",
     "num_threads", "over", "picture", "project", "rasterize", "reflect", "render", "sample_cube_map",
     "sample_texture", "set_num_threads", "srgb_decode", "srgb_encode", "vertex_normals",
 ]

@@ -1,0 +1,303 @@
+"""Scenes in files, their fits, and pictures that notebooks show."""
+
+from __future__ import annotations
+
+import html
+import os
+import sys
+import time
+from dataclasses import dataclass
+from typing import Callable
+
+import numpy as np
+
+from . import _native
+
+
+class Picture(np.ndarray):
+    """An image `[H, W, 3]` of `float32` from 0 to 1, as pixels stand for it. Notebooks show it."""
+
+    def __new__(cls, image):
+        return np.asarray(image, np.float32).view(cls)
+
+    def png(self) -> bytes:
+        """The picture as a PNG."""
+        return _native.encode_png(np.ascontiguousarray(self.view(np.ndarray)))
+
+    def save(self, path) -> None:
+        """Writes the picture as a PNG."""
+        with open(path, "wb") as file:
+            file.write(self.png())
+
+    def _repr_png_(self):
+        return self.png() if self.ndim == 3 and self.shape[2] == 3 else None
+
+
+class Scene:
+    """A scene of a file `scene.toml`: meshes, cameras, images, and what is to be learnt.
+
+    `docs/scene.md` has the keys of the file.
+    """
+
+    def __init__(self, native):
+        self._native = native
+
+    @staticmethod
+    def open(path) -> Scene:
+        """The scene of the file at `path`; all its files lie in that file's folder."""
+        return Scene(_native.Scene.open(os.fspath(path)))
+
+    @property
+    def views(self) -> list[str]:
+        """The names of the views."""
+        return self._native.views
+
+    @property
+    def notes(self) -> list[str]:
+        """What files hold that was left out or mended, in words."""
+        return self._native.notes
+
+    @property
+    def meshes(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The meshes by name: positions `[V, 3]` and faces `[F, 3]`."""
+        return self._native.meshes
+
+    def render(self, view: int | str = 0, *, reduce: int = 1) -> Picture:
+        """A view as it is seen, by number or name, smaller `reduce` times along each axis."""
+        return Picture(self._native.render(view, reduce))
+
+    def fit(
+        self, callback: Callable[[Fit], object] | None = None, *, progress: bool = False, resume=None, steps: int | None = None
+    ) -> Fit:
+        """Learns what the scene says, until its steps are done or one of its rules says stop.
+
+        `callback(fit)` is called after each step; where it returns `False` the fit stops. `progress` shows a bar: tqdm's,
+        where that is installed. Ctrl-C stops the fit between two steps and keeps it. `resume` is a file of `Fit.save`. No
+        more than `steps` steps are done in this call. The interpreter's lock is released while a step runs.
+        """
+        fit = Fit(self._native.begin(None if resume is None else os.fspath(resume)))
+        fit.run(callback, progress=progress, steps=steps)
+        return fit
+
+    def __repr__(self) -> str:
+        return repr(self._native)
+
+
+class _Run:
+    """A fit under way: `step` and `loss` of its last step, `losses` of all of this object's steps."""
+
+    def __init__(self):
+        self.losses: list[float] = []
+        self.milliseconds: list[float] = []
+        self.interrupted = False
+
+    def run(self, callback=None, *, progress: bool = False, steps: int | None = None) -> None:
+        """Goes on until a rule says stop: all steps are done, or `steps` more. Ctrl-C stops it between two steps.
+
+        `callback(fit)` is called after each step; where it returns `False` the fit stops.
+        """
+        self.interrupted = False
+        bar = _bar(self, progress)
+        try:
+            while steps is None or steps > 0:
+                stepped = self._step()
+                if stepped is None:
+                    break
+                steps = None if steps is None else steps - 1
+                _, loss, milliseconds = stepped
+                self.losses.append(loss)
+                self.milliseconds.append(milliseconds)
+                bar.update(loss)
+                if callback is not None and callback(self) is False:
+                    break
+        except KeyboardInterrupt:
+            self.interrupted = True
+        finally:
+            bar.close()
+
+    @property
+    def step(self) -> int:
+        """How many steps are done."""
+        return self._native.steps_done
+
+    @property
+    def steps(self) -> int:
+        """How many steps there are."""
+        return self._native.steps
+
+    @property
+    def loss(self) -> float:
+        """The loss before the last step's update."""
+        return self.losses[-1] if self.losses else float("nan")
+
+    @property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """What is learnt, by name."""
+        return self._native.parameters
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.step} of {self.steps} steps, loss {self.loss:.3e})"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(repr(self))}</p>{_curve(self.losses)}"
+
+
+class Fit(_Run):
+    """A fit of a scene: see `Scene.fit`."""
+
+    def __init__(self, native):
+        super().__init__()
+        self._native = native
+
+    def _step(self):
+        return self._native.step()
+
+    @property
+    def ended(self) -> str | None:
+        """The rule that ended the fit, in words, if one did before the last step."""
+        return self._native.ended
+
+    def learnt(self) -> Scene:
+        """The scene with what was learnt in the place of its own numbers."""
+        return Scene(self._native.learnt())
+
+    def render(self, view: int | str = 0, *, reduce: int = 1) -> Picture:
+        """A view as it is seen, by number or name, smaller `reduce` times along each axis."""
+        return Picture(self._native.render(view, reduce))
+
+    def score(self, view: int | str = 0) -> dict[str, float | None]:
+        """How well a view is matched: "psnr" in decibels, "ssim", "silhouette_iou"; `None` where there is no number."""
+        return self._native.score(view)
+
+    def save(self, path) -> None:
+        """Saves the fit to a file, from which `Scene.fit(resume=path)` goes on to the same bits."""
+        self._native.save(os.fspath(path))
+
+    def save_results(self, folder) -> list:
+        """Writes meshes, textures, cameras and pictures of what was learnt into a folder; returns their names."""
+        return self._native.save_results(os.fspath(folder))
+
+
+@dataclass
+class Parameter:
+    """What a fit changes: where it starts, how fast it may move, and which numbers it may be.
+
+    `mapping` is "identity", "softplus" or "exp" (positive numbers), or "sigmoid" (from 0 to 1).
+    """
+
+    start: np.ndarray
+    rate: float = 1e-2
+    mapping: str = "identity"
+
+
+class Learning(_Run):
+    """A fit of a function of one's own: see `bokashi.fit`."""
+
+    def __init__(self, native, pipeline):
+        super().__init__()
+        self._native, self.pipeline = native, pipeline
+        self.ended: str | None = None
+
+    def _step(self):
+        stepped = self._native.step(self.pipeline)
+        if isinstance(stepped, str):
+            self.ended = stepped
+            return None
+        return stepped
+
+
+def fit(
+    pipeline: Callable[[dict], tuple], parameters: dict[str, np.ndarray | Parameter], *, steps: int = 1000,
+    cosine: bool = False, floor: float = 0.0, loss_below: float | None = None, patience: int | None = None,
+    callback: Callable[[Learning], object] | None = None, progress: bool = False,
+) -> Learning:
+    """Learns parameters by Adam: `pipeline(parameters)` returns a loss and a dictionary of gradients by name.
+
+    Parameters are arrays, or `Parameter`s with a rate and a mapping. With `cosine` rates fall along half a cosine to the
+    share `floor`. The fit stops after `steps`, where the loss is below `loss_below`, or where it found no new minimum for
+    `patience` steps. `callback` and `progress` are those of `Scene.fit`.
+
+    >>> import numpy as np
+    >>> def distance(parameters):
+    ...     gap = parameters["x"] - 3
+    ...     return float((gap**2).sum()), {"x": 2 * gap}
+    >>> learning = fit(distance, {"x": Parameter(np.zeros(2), rate=0.1)}, steps=300)
+    >>> bool(np.allclose(learning.parameters["x"], 3, atol=1e-3))
+    True
+    """
+    given = [
+        (name, of.start, of.rate, of.mapping) if isinstance(of, Parameter) else (name, of, 1e-2, "identity")
+        for name, of in parameters.items()
+    ]
+    learning = Learning(_native.Learning(given, steps, cosine, floor, loss_below, patience), pipeline)
+    learning.run(callback, progress=progress)
+    return learning
+
+
+def _curve(losses: list[float], width: int = 480, height: int = 160) -> str:
+    """The losses as a line, on a logarithmic axis where all are positive."""
+    values = np.asarray(losses, float)
+    values = values[np.isfinite(values)]
+    if len(values) < 2:
+        return ""
+    is_logarithmic = bool((values > 0).all())
+    heights = np.log10(values) if is_logarithmic else values
+    low, high = float(heights.min()), float(heights.max())
+    x = np.linspace(0, width, len(heights))
+    y = height - (heights - low) / max(high - low, 1e-12) * height
+    # No more points than can be seen.
+    every = max(1, len(x) // (2 * width))
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[::every], y[::every]))
+    scale = "logarithmic" if is_logarithmic else "linear"
+    label = f"loss, {scale}: {values.max():.3g} to {values.min():.3g} in {len(losses)} steps"
+    return (
+        f'<svg viewBox="-4 -4 {width + 8} {height + 24}" width="{width}" role="img" aria-label="{label}">'
+        f'<polyline points="{points}" fill="none" stroke="currentColor" stroke-width="1.5"/>'
+        f'<text x="0" y="{height + 16}" font-size="12" fill="currentColor">{label}</text></svg>'
+    )
+
+
+class _Plain:
+    """A line on the standard error, a few times a second."""
+
+    def __init__(self, fit: _Run):
+        self.fit, self.shown = fit, 0.0
+
+    def update(self, loss: float) -> None:
+        now = time.monotonic()
+        if now - self.shown > 0.2:
+            self.shown = now
+            print(f"\rstep {self.fit.step} of {self.fit.steps}, loss {loss:.3e}", end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        print(f"\rstep {self.fit.step} of {self.fit.steps}, loss {self.fit.loss:.3e}", file=sys.stderr)
+
+
+class _Tqdm:
+    def __init__(self, fit: _Run, tqdm):
+        self.bar = tqdm(total=fit.steps, initial=fit.step, unit="step")
+
+    def update(self, loss: float) -> None:
+        self.bar.set_postfix(loss=f"{loss:.3e}", refresh=False)
+        self.bar.update()
+
+    def close(self) -> None:
+        self.bar.close()
+
+
+class _Silent:
+    def update(self, loss: float) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def _bar(fit: _Run, progress: bool):
+    if not progress:
+        return _Silent()
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return _Plain(fit)
+    return _Tqdm(fit, tqdm)

@@ -1,0 +1,89 @@
+"""Scenes in files, their fits, and pictures."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bokashi
+
+HAND = Path(__file__).parents[3] / "examples" / "scenes" / "hand" / "scene.toml"
+
+pytestmark = pytest.mark.skipif(not HAND.exists(), reason="the scene is not part of an sdist")
+
+
+def test_a_scene_is_seen_and_learnt_to_the_same_bits(tmp_path):
+    scene = bokashi.Scene.open(HAND)
+    assert len(scene.views) == 3 and "hand.obj" in repr(scene.meshes.keys()) or scene.meshes
+    picture = scene.render(scene.views[0])
+    assert picture.ndim == 3 and picture.dtype == np.float32 and picture._repr_png_()[:4] == b"\x89PNG"
+    heard = []
+    fit = scene.fit(lambda fit: heard.append((fit.step, fit.loss)), steps=4)
+    assert [step for step, _ in heard] == [1, 2, 3, 4] and [loss for _, loss in heard] == fit.losses
+    assert fit.step == 4 and not fit.interrupted and fit.ended is None
+    assert all(isinstance(value, np.ndarray) for value in fit.parameters.values()) and fit.parameters
+    assert fit.score(0)["psnr"] > 5 and "<svg" in fit._repr_html_()
+    path = tmp_path / "fit.safetensors"
+    fit.save(path)
+    fit.run(steps=3)
+    again = scene.fit(resume=path, steps=3)
+    assert again.losses == fit.losses[4:]
+    for name, value in fit.parameters.items():
+        assert value.tobytes() == again.parameters[name].tobytes()
+    names = again.save_results(tmp_path / "out")
+    assert names and all((tmp_path / "out").iterdir())
+    np.testing.assert_allclose(again.learnt().render(0), again.render(0), atol=1e-3)
+
+
+def test_a_callback_stops_a_fit_and_an_interruption_keeps_it():
+    scene = bokashi.Scene.open(HAND)
+    assert scene.fit(lambda fit: fit.step < 2).step == 2
+
+    def interrupt(fit):
+        if fit.step == 3:
+            raise KeyboardInterrupt
+
+    fit = scene.fit(interrupt)
+    assert fit.interrupted and fit.step == 3 and len(fit.losses) == 3
+    with pytest.raises(ZeroDivisionError):
+        scene.fit(lambda fit: 1 / 0)
+
+
+def test_progress_is_written_to_the_standard_error(capsys):
+    bokashi.Scene.open(HAND).fit(progress=True, steps=2)
+    captured = capsys.readouterr()
+    assert captured.out == "" and "2" in captured.err
+
+
+def test_what_is_wrong_with_a_scene_is_said_with_its_place(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text("[[views]]\nimage = 3\n")
+    with pytest.raises(bokashi.SceneError, match="scene.toml"):
+        bokashi.Scene.open(path)
+    scene = bokashi.Scene.open(HAND)
+    with pytest.raises(IndexError, match="below 3, got 3"):
+        scene.render(3)
+    with pytest.raises(KeyError, match="nobody"):
+        scene.render("nobody")
+
+
+def test_pictures_of_other_shapes_have_no_png():
+    assert bokashi.Picture(np.zeros((2, 2)))._repr_png_() is None
+    half = bokashi.Picture(np.full((2, 3, 3), 0.5))
+    assert half.png()[:4] == b"\x89PNG"
+
+
+def test_a_wrong_gradient_is_found():
+    def cubes(x, y):
+        return x**3 * y, lambda bar: (3 * x**2 * y * bar, x**3 * bar)
+
+    def wrong(x, y):
+        return x**3 * y, lambda bar: (3 * x**2 * y * bar, 1.0001 * x**3 * bar)
+
+    x, y = np.array([0.3, -1.2]), np.array([2.0, 0.7])
+    slopes = bokashi.check(cubes, x, y)
+    assert len(slopes) == 6 and all(slope.error < 1e-6 for slope in slopes)
+    with pytest.raises(AssertionError, match="input 1: the pull-back has slope"):
+        bokashi.check(wrong, x, y)
+    with pytest.raises(AssertionError, match="needs shape \\(2,\\), got \\(1,\\)"):
+        bokashi.check(lambda x: (x, lambda bar: (bar[:1],)), x)
