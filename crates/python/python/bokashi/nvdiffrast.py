@@ -98,6 +98,7 @@ class _Images:
 
     def __init__(self, pos, tri, ranges=None):
         positions = _to_array(pos)
+        self.pos, self.version = weakref.ref(pos), pos._version
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
             mesh = _mesh(tri, positions.shape[1])
             self.clips = list(_upside_down(positions))
@@ -117,7 +118,18 @@ class _Images:
         if all(bar is None for bar in bars):
             return None
         bars = [np.zeros_like(clip) if bar is None else bar for bar, clip in zip(bars, self.clips)]
-        return torch.from_numpy(_upside_down(np.sum(bars, 0) if self.is_shared else np.stack(bars)))
+        total = np.sum(bars, 0) if self.is_shared else bars[0][None] if len(bars) == 1 else np.stack(bars)
+        total[..., 1] *= -1
+        return torch.from_numpy(total)
+
+    def are_at(self, pos) -> bool:
+        """Whether the positions are those that were drawn."""
+        if self.pos() is pos and self.version == pos._version:
+            return True
+        given = _to_array(pos)
+        if given.ndim != (2 if self.is_shared else 3) or len(self.clips) == 0:
+            return False
+        return np.array_equal(_upside_down(given), self.clips[0] if self.is_shared else np.stack(self.clips))
 
 
 class _Rasterize(torch.autograd.Function):
@@ -444,19 +456,18 @@ class _Antialias(torch.autograd.Function):
             color_bars.append(_to_tensor(color_bar))
             clip_bars.append(clip_bar)
         pos_bar = ctx.images.add_up(clip_bars) if wants_pos else None
-        return _stack(color_bars) if wants_color else None, pos_bar if pos_bar is None else pos_bar * ctx.boost, None, None, None
+        if pos_bar is not None and ctx.boost != 1:
+            pos_bar *= ctx.boost
+        return _stack(color_bars) if wants_color else None, pos_bar, None, None, None
 
 
 def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0):
     """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
     del topology_hash
     drawn = _drawn(rast)
-    positions = pos.detach()
-    if drawn is not None:
-        images, coverages = drawn
-        if len(images.clips) and _is_drawn_at(images, positions):
-            return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
-    if positions.dim() == 2:
+    if drawn is not None and drawn[0].are_at(pos):
+        return _Antialias.apply(color, pos, *drawn, pos_gradient_boost)
+    if pos.dim() == 2:
         ids = _to_array(rast)[..., 3].astype(np.uint32)
         images = _Images(pos[None].expand(len(ids), -1, -1), tri)
         images.is_shared = True
@@ -469,10 +480,3 @@ def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0)
     ]
     return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
 
-
-def _is_drawn_at(images, positions) -> bool:
-    """Whether these are the positions that were drawn."""
-    given = positions.numpy()
-    if images.is_shared:
-        return given.ndim == 2 and np.array_equal(_upside_down(given), images.clips[0])
-    return given.ndim == 3 and np.array_equal(_upside_down(given), np.stack(images.clips))
