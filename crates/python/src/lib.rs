@@ -5,9 +5,11 @@
 //! `python/bokashi`.
 
 mod array;
+mod cameras;
 mod coverage;
 mod error;
 mod learning;
+mod light;
 mod mesh;
 mod operations;
 mod pull_back;
@@ -21,24 +23,29 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
+    use super::cameras::{
+        affine_inverse, distort, exposure, fisheye, orthographic, over, perturbed_normals, pinhole,
+        project_instances, reflect, rigid, se3, srgb_decode, srgb_encode, transform_normals,
+        transform_points,
+    };
+    #[pymodule_export]
     use super::coverage::Coverage;
     #[pymodule_export]
     use super::error::{RenderError, SceneError};
     #[pymodule_export]
     use super::learning::Learning;
     #[pymodule_export]
+    use super::light::{depth_of_field, shade, tangents};
+    #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]
-    use super::operations::{
-        downsample, exposure, face_normals, gaussian_blur, over, project, reflect, srgb_decode,
-        srgb_encode, vertex_normals,
-    };
+    use super::operations::{downsample, face_normals, gaussian_blur, project, vertex_normals};
     #[pymodule_export]
     use super::pull_back::PullBack;
     #[pymodule_export]
     use super::rendering::{
-        antialias_image, depth, differentials, interpolate, interpolate_differentials, picture,
-        rasterize, render,
+        antialias_image, depth, differentials, eye_depth, interpolate, interpolate_differentials,
+        picture, rasterize, render,
     };
     #[pymodule_export]
     use super::scene::{Scene, SceneFit, encode_png};

@@ -106,26 +106,3 @@ pub fn vertex_normals<'py>(
         Ok(smallvec![ops::vertex_normals(positions, &mesh.0, weighting)?])
     }))
 }
-
-/// Operations whose inputs are arrays, and whose output is one.
-macro_rules! of_arrays {
-    ($($name:ident($($input:ident),+) => $call:expr;)+) => {$(
-        #[pyfunction]
-        pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
-            let inputs = [$(Some(&$input)),+];
-            let first: &Array<'_> = inputs[0].expect("it was just put there");
-            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
-                let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
-                Ok(smallvec![$call])
-            }))
-        }
-    )+};
-}
-
-of_arrays! {
-    srgb_encode(x) => ops::srgb_encode(x)?;
-    srgb_decode(y) => ops::srgb_decode(y)?;
-    exposure(image, stops) => ops::exposure(image, stops)?;
-    over(front, back) => ops::over(front, back)?;
-    reflect(directions, normals) => ops::reflect(directions, normals)?;
-}

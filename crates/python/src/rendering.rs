@@ -153,7 +153,7 @@ pub fn interpolate_differentials<'py>(
 
 /// Operations on fragments alone.
 macro_rules! of_fragments {
-    ($($name:ident)+) => {$(
+    ($($name:ident => $call:expr;)+) => {$(
         #[pyfunction]
         #[pyo3(signature = (barycentrics, clip, weight, coverage))]
         pub fn $name<'py>(
@@ -165,13 +165,18 @@ macro_rules! of_fragments {
         ) -> Recorded<'py> {
             let inputs: Arrays<'_, 'py> = [Some(&barycentrics), Some(&clip), weight.as_ref()];
             by_type!(barycentrics, T => record::<T>(py, &inputs, |_, x| {
-                Ok(smallvec![ops::$name(&fragments(x, 0, &coverage.0))?])
+                let call: for<'t> fn(&ops::Fragments<'t, T>) -> Result<Var<'t, T>, ops::RenderError> = $call;
+                Ok(smallvec![call(&fragments(x, 0, &coverage.0))?])
             }))
         }
     )+};
 }
 
-of_fragments! { depth differentials }
+of_fragments! {
+    depth => ops::depth;
+    differentials => ops::differentials;
+    eye_depth => |fragments| Ok(ops::eye_depth(fragments)?.values());
+}
 
 /// What stands before a background: the image, or with a reference the sum of the squared errors.
 fn finish<'t, T: Scalar>(

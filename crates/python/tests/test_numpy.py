@@ -7,25 +7,8 @@ import bokashi
 from conftest import scene
 
 
-def check_gradients(function, arrays, generator, step=1e-6, tolerance=1e-6):
-    """Pull-backs against central differences in random directions, of all arrays at once and of each."""
-    value, pull_back = function(*arrays)
-    upstream = generator.normal(size=value.shape)
-    gradients = pull_back(upstream)
-    assert len(gradients) >= len(arrays)
-    for k, array in enumerate(arrays):
-        direction = generator.normal(size=array.shape)
-
-        def moved(sign):
-            others = list(arrays)
-            others[k] = array + sign * step * direction
-            return float((function(*others)[0] * upstream).sum())
-
-        slope = (moved(1) - moved(-1)) / (2 * step)
-        gradient = gradients[k]
-        found = 0.0 if gradient is None else float((gradient * direction).sum())
-        assert found == pytest.approx(slope, rel=tolerance, abs=tolerance * abs(upstream).sum())
-    return gradients
+def check_gradients(function, arrays, generator):
+    bokashi.check(function, *arrays, seed=int(generator.integers(1 << 30)))
 
 
 def test_a_whole_step_has_true_gradients(generator):
@@ -122,6 +105,75 @@ def test_every_other_operation_has_true_gradients(generator):
     check_gradients(bokashi.over, [generator.uniform(size=(5, 4)), generator.uniform(size=(5, 4))], generator)
     check_gradients(lambda image, clip: swapped(
         bokashi.antialias_image(image, bokashi.rasterize(clip, mesh, (9, 7))[0]), 0, 2), [image, clip], generator)
+
+
+def test_cameras_lenses_and_light_have_true_gradients(generator):
+    mesh, clip = scene(generator)
+
+    def normal(*shape):
+        return generator.normal(size=shape)
+
+    def uniform(low, high, *shape):
+        return generator.uniform(low, high, shape)
+
+    points, matrix = uniform(-0.3, 0.3, 7, 3) + [0, 0, 2], np.eye(4) + np.vstack([uniform(-0.2, 0.2, 3, 4), np.zeros(4)])
+    rows = matrix[:3]
+
+    def affine(function, *places):
+        """A function of the upper rows of its matrices."""
+
+        def of_rows(*arrays):
+            whole = [np.vstack([a, [0, 0, 0, 1]]) if k in places else a for k, a in enumerate(arrays)]
+            value, pull_back = function(*whole)
+            return value, lambda bar: [g[:3] if k in places else g for k, g in enumerate(pull_back(bar))]
+
+        return of_rows
+
+    intrinsics, camera = np.array([30.0, 32.0, 15.5, 16.5]), np.eye(4) + uniform(-0.1, 0.1, 4, 4)
+    fragments, _ = bokashi.rasterize(clip, mesh, 8)
+    normals, colors = normal(5, 3) + [0, 0, 3], uniform(0.2, 0.8, 5, 3)
+    for function, *arrays in [
+        (lambda increment: bokashi.se3(increment, matrix), uniform(-0.5, 0.5, 6)),
+        (lambda x: bokashi.pinhole(x, (32, 31), 0.1, 9.0), intrinsics),
+        (lambda x: bokashi.orthographic(x, 32, 0.1, 9.0), intrinsics),
+        (affine(bokashi.affine_inverse, 0), rows),
+        (bokashi.rigid, normal(4), normal(3)),
+        (bokashi.distort, points, uniform(-0.05, 0.05, 5)),
+        (bokashi.fisheye, points, uniform(-0.02, 0.02, 4)),
+        (affine(bokashi.transform_points, 1), points, rows),
+        (affine(bokashi.transform_normals, 1), normals, rows),
+        (lambda p, k: swapped(bokashi.project_instances(p, np.stack([matrix, np.eye(4)]), k), 0, 2), points, camera),
+        (bokashi.perturbed_normals, normals, np.concatenate([normal(5, 3), np.ones((5, 1))], 1)[:, :4], colors),
+        (lambda uv: bokashi.eye_depth(fragments.replace(barycentrics=uv)), fragments.barycentrics),
+        (lambda p, n, uv: bokashi.tangents(p, n, uv, mesh), normal(7, 3), normal(7, 3), normal(7, 2)),
+        (lambda i, d, a, f: bokashi.depth_of_field(i, d, a, f), uniform(0, 1, 9, 8, 2), uniform(1, 3, 9, 8), np.array(1.5), np.array(2.0)),
+    ]:
+        check_gradients(function, arrays, generator)
+    lights = [
+        ("directional", normal(3) + [0, 0, 3], uniform(0.5, 1, 3)), ("point", np.array([0.5, 1, 4.0]), uniform(1, 2, 3)),
+        ("ambient", uniform(0.1, 0.3, 3)),
+    ]
+    views = np.array([0.1, -0.2, 3.0])
+    for model, material in [
+        ("lambert", [colors]), ("phong", [colors, uniform(0.1, 0.4, 3), np.array(7.0)]),
+        ("blinn-phong", [colors, uniform(0.1, 0.4, 5, 3), uniform(5, 9, 5)]),
+        ("metallic-roughness", [colors, uniform(0.3, 0.8, 5), np.array(0.4)]),
+    ]:
+
+        def shaded(normals, views, places, *arrays):
+            given = iter(arrays)
+            own = [next(given) for _ in material]
+            of_lights = [(kind, *[next(given) for _ in values]) for kind, *values in lights]
+            value, pull_back = bokashi.shade(normals, views, own, of_lights, positions=places, model=model)
+            pulled = lambda bar: [g for k, g in enumerate(pull_back(bar)) if k < 3 + len(material) or k >= 6]
+            return value, pulled
+
+        arrays = [normals, views, normal(5, 3), *material, *[values for _, *of in lights for values in of]]
+        check_gradients(shaded, arrays, generator)
+    with pytest.raises(ValueError, match="a light of kind ambient needs one array"):
+        bokashi.shade(normals, views, [colors], [("ambient", views, views)], model="lambert")
+    with pytest.raises(ValueError, match="material phong needs 3 arrays, got 1"):
+        bokashi.shade(normals, views, [colors], [], model="phong")
 
 
 def swapped(recorded, *places):

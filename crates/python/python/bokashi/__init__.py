@@ -37,10 +37,12 @@ from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
 
 __all__ = [
     "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
-    "SceneError", "Slope", "fit",
-    "antialias_image", "check", "depth", "differentials", "downsample", "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps",
-    "num_threads", "over", "picture", "project", "rasterize", "reflect", "render", "sample_cube_map",
-    "sample_texture", "set_num_threads", "srgb_decode", "srgb_encode", "vertex_normals",
+    "SceneError", "Slope", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
+    "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit", "gaussian_blur",
+    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
+    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid",
+    "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents",
+    "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -293,3 +295,97 @@ def over(front, back):
 def reflect(directions, normals):
     """Directions `[N, 3]` mirrored at surfaces with normals `[N, 3]`. Gradients: of both."""
     return _only(_native.reflect(directions, normals))
+
+
+def affine_inverse(matrix):
+    """The inverse of an affine matrix `[4, 4]`. Gradients: of the matrix."""
+    return _only(_native.affine_inverse(matrix))
+
+
+def rigid(rotation, translation):
+    """The matrix `[4, 4]` of a quaternion `[4]` (x, y, z, w) and a translation `[3]`. Gradients: of both."""
+    return _only(_native.rigid(rotation, translation))
+
+
+def se3(increment, fixed):
+    """A pose `[4, 4]` moved by an increment `[6]`: a translation and a rotation vector. Gradients: of the increment."""
+    return _only(_native.se3(increment, fixed))
+
+
+def pinhole(intrinsics, size, near: float, far: float):
+    """The projection `[4, 4]` of intrinsics `[4]` in pixels: focal lengths and centre. Gradients: of the intrinsics."""
+    return _only(_native.pinhole(intrinsics, *_size(size), near, far))
+
+
+def orthographic(intrinsics, size, near: float, far: float):
+    """The parallel projection `[4, 4]` of intrinsics `[4]`: pixels per unit and centre. Gradients: of the intrinsics."""
+    return _only(_native.orthographic(intrinsics, *_size(size), near, far))
+
+
+def distort(points, coefficients):
+    """Points `[V, 3]` before a camera as its lens bends them. Gradients: of points and coefficients."""
+    return _only(_native.distort(points, coefficients))
+
+
+def fisheye(points, coefficients):
+    """Points `[V, 3]` before a camera as a fisheye sees them. Gradients: of points and coefficients."""
+    return _only(_native.fisheye(points, coefficients))
+
+
+def transform_points(points, matrix):
+    """Points `[N, 3]` moved by a matrix `[4, 4]`. Gradients: of both."""
+    return _only(_native.transform_points(points, matrix))
+
+
+def transform_normals(normals, matrix):
+    """Normals `[N, 3]` of points that a matrix `[4, 4]` moves. Gradients: of both."""
+    return _only(_native.transform_normals(normals, matrix))
+
+
+def project_instances(positions, matrices, camera):
+    """Positions `[V, 3]` placed by each of `matrices` `[I, 4, 4]`, in clip space, `[I V, 4]`. Gradients: of all three."""
+    return _only(_native.project_instances(positions, matrices, _like(camera, positions)))
+
+
+def perturbed_normals(normals, tangents, values):
+    """Normals `[N, 3]` turned by the values `[N, 3]` of a normal map, along tangents `[N, 4]`. Gradients: of all three."""
+    return _only(_native.perturbed_normals(normals, tangents, values))
+
+
+def tangents(positions, normals, coordinates, mesh: Mesh, coordinates_mesh: Mesh | None = None):
+    """The tangents of texture coordinates, `[A, 4]`. Gradients: of positions, normals and coordinates."""
+    return _only(_native.tangents(positions, normals, coordinates, mesh, coordinates_mesh))
+
+
+def eye_depth(fragments: Fragments):
+    """w of each fragment, `[N]`: the distance along the view axis. Gradients: of barycentrics, clip positions, weights."""
+    return _only(_native.eye_depth(*fragments.arrays, fragments.coverage))
+
+
+def shade(normals, views, material, lights, *, positions=None, model: str = "metallic-roughness", conserves_energy: bool = False):
+    """The radiance of surfaces with `normals` `[N, 3]`, seen from `views` `[N, 3]` or `[3]`, in the light of `lights`: `[N, 3]`.
+
+    `material` are the arrays of `model`: "metallic-roughness" (base colour, roughness, metallic), "lambert" (colour), "phong"
+    or "blinn-phong" (colour, specular, exponent); each with a row for each fragment, or one for all. `lights` are tuples:
+    ("directional", direction, irradiance), ("point", position, intensity), which needs `positions`, or ("ambient", radiance).
+    Gradients: of normals, views, positions, three of the material, and two of each light.
+    """
+    material = [_like(values, normals) for values in material]
+    lights = [(kind, *[_like(values, normals) for values in arrays], *[None] * (2 - len(arrays))) for kind, *arrays in lights]
+    views, positions = [value if value is None else _like(value, normals) for value in (views, positions)]
+    return _only(_native.shade(normals, views, positions, material, model, lights, conserves_energy))
+
+
+def depth_of_field(
+    image, distances, aperture, focus, *, largest_sigma: float = 32.0, tolerance: float = 1e-3, blades: int | None = None,
+    rotation: float = 0.0,
+):
+    """An image `[H, W, C]` as a lens sees it, with the distance of each pixel, `[H, W]`.
+
+    `aperture` is the standard deviation in pixels of the blur at infinity, `focus` the distance that is sharp. The opening is
+    a disc for `blades=0`, or a polygon; by default blurs are Gaussian. Gradients: of image, distances, aperture and focus.
+    """
+    aperture, focus = _like(aperture, image), _like(focus, image)
+    return _only(
+        _native.depth_of_field(image, distances, aperture, focus, largest_sigma, tolerance, blades, rotation)
+    )

@@ -28,10 +28,12 @@ from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set
 from . import Mesh as _Mesh
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "antialias_image", "depth", "differentials", "downsample",
-    "exposure", "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads",
-    "over", "picture", "project", "rasterize", "reflect", "render", "sample_cube_map", "sample_texture",
-    "set_num_threads", "srgb_decode", "srgb_encode", "vertex_normals",
+    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "affine_inverse", "antialias_image", "depth",
+    "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye",
+    "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
+    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
+    "tangents", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -300,3 +302,96 @@ def over(front, back):
 def reflect(directions, normals):
     """As `bokashi.reflect`."""
     return _only(_native.reflect, directions, normals)
+
+
+def affine_inverse(matrix):
+    """As `bokashi.affine_inverse`."""
+    return _only(_native.affine_inverse, matrix)
+
+
+def rigid(rotation, translation):
+    """As `bokashi.rigid`."""
+    return _only(_native.rigid, rotation, translation)
+
+
+def se3(increment, fixed):
+    """As `bokashi.se3`."""
+    fixed = _to_array(_like(fixed, increment))
+    return _only(lambda x: _native.se3(x, fixed), increment)
+
+
+def pinhole(intrinsics, size, near: float, far: float):
+    """As `bokashi.pinhole`."""
+    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), intrinsics)
+
+
+def orthographic(intrinsics, size, near: float, far: float):
+    """As `bokashi.orthographic`."""
+    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), intrinsics)
+
+
+def distort(points, coefficients):
+    """As `bokashi.distort`."""
+    return _only(_native.distort, points, coefficients)
+
+
+def fisheye(points, coefficients):
+    """As `bokashi.fisheye`."""
+    return _only(_native.fisheye, points, coefficients)
+
+
+def transform_points(points, matrix):
+    """As `bokashi.transform_points`."""
+    return _only(_native.transform_points, points, matrix)
+
+
+def transform_normals(normals, matrix):
+    """As `bokashi.transform_normals`."""
+    return _only(_native.transform_normals, normals, matrix)
+
+
+def project_instances(positions, matrices, camera):
+    """As `bokashi.project_instances`."""
+    return _only(_native.project_instances, positions, matrices, _like(camera, positions))
+
+
+def perturbed_normals(normals, tangents, values):
+    """As `bokashi.perturbed_normals`."""
+    return _only(_native.perturbed_normals, normals, tangents, values)
+
+
+def tangents(positions, normals, coordinates, mesh: _Mesh, coordinates_mesh: _Mesh | None = None):
+    """As `bokashi.tangents`."""
+    return _only(lambda *x: _native.tangents(*x, mesh, coordinates_mesh), positions, normals, coordinates)
+
+
+def eye_depth(fragments: Fragments):
+    """As `bokashi.eye_depth`."""
+    return _only(lambda *x: _native.eye_depth(*x, fragments.coverage), *fragments.arrays)
+
+
+def shade(normals, views, material, lights, *, positions=None, model: str = "metallic-roughness", conserves_energy: bool = False):
+    """As `bokashi.shade`."""
+    kinds = [kind for kind, *_ in lights]
+    of_lights = [(list(arrays) + [None])[:2] for _, *arrays in lights]
+    of_lights = [_like(values, normals) for pair in of_lights for values in pair]
+    of_material = [_like(values, normals) for values in material] + [None] * (3 - len(material))
+
+    def run(normals, views, positions, *arrays):
+        given = [values for values in arrays[:3] if values is not None]
+        lights = [(kind, arrays[3 + 2 * k], arrays[4 + 2 * k]) for k, kind in enumerate(kinds)]
+        return _native.shade(normals, views, positions, given, model, lights, conserves_energy)
+
+    return _only(run, normals, _like(views, normals), _like(positions, normals), *of_material, *of_lights)
+
+
+def depth_of_field(
+    image, distances, aperture, focus, *, largest_sigma: float = 32.0, tolerance: float = 1e-3, blades: int | None = None,
+    rotation: float = 0.0,
+):
+    """As `bokashi.depth_of_field`."""
+
+    def run(*x):
+        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
+
+    return _only(run, image, distances, _like(aperture, image), _like(focus, image))

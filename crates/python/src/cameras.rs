@@ -1,0 +1,92 @@
+//! Cameras and poses on the tape.
+
+use bokashi_render_ops::{self as ops, Size};
+use ops::glam::{DMat4, DVec4};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use smallvec::smallvec;
+
+use crate::array::{Array, by_type};
+use crate::operations::Recorded;
+use crate::step::record;
+
+/// A matrix `[4, 4]` that stays as it is.
+fn matrix(array: &Array<'_>) -> PyResult<DMat4> {
+    let (shape, entries): (&[usize], Vec<f64>) = match array {
+        Array::Single(_) => {
+            let (shape, entries) = array.view::<f32>()?;
+            (shape, entries.iter().map(|&entry| f64::from(entry)).collect())
+        }
+        Array::Double(_) => {
+            let (shape, entries) = array.view::<f64>()?;
+            (shape, entries.to_vec())
+        }
+    };
+    if shape != [4, 4] {
+        return Err(PyValueError::new_err(format!("a matrix needs shape [4, 4], got {shape:?}")));
+    }
+    let row = |k: usize| DVec4::from_slice(&entries[4 * k..]);
+    Ok(DMat4::from_cols(row(0), row(1), row(2), row(3)).transpose())
+}
+
+#[pyfunction]
+pub fn se3<'py>(py: Python<'py>, increment: Array<'py>, fixed: Array<'py>) -> Recorded<'py> {
+    let fixed = matrix(&fixed)?;
+    by_type!(increment, T => record::<T>(py, &[Some(&increment)], |_, x| {
+        let [Some(increment)] = x[..] else { unreachable!("it is required") };
+        Ok(smallvec![ops::se3(increment, &fixed)?])
+    }))
+}
+
+/// Projections of intrinsics.
+macro_rules! projections {
+    ($($name:ident)+) => {$(
+        #[pyfunction]
+        pub fn $name<'py>(
+            py: Python<'py>,
+            intrinsics: Array<'py>,
+            height: usize,
+            width: usize,
+            near: f64,
+            far: f64,
+        ) -> Recorded<'py> {
+            by_type!(intrinsics, T => record::<T>(py, &[Some(&intrinsics)], |_, x| {
+                let [Some(intrinsics)] = x[..] else { unreachable!("they are required") };
+                Ok(smallvec![ops::$name(intrinsics, Size { width, height }, near, far)?])
+            }))
+        }
+    )+};
+}
+
+projections! { pinhole orthographic }
+
+/// Operations on arrays with a matrix or coefficients.
+macro_rules! of_arrays {
+    ($($name:ident($($input:ident),+);)+) => {$(
+        #[pyfunction]
+        pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
+            let inputs = [$(Some(&$input)),+];
+            let first: &Array<'_> = inputs[0].expect("it was just put there");
+            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
+                let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
+                Ok(smallvec![ops::$name($($input),+)?])
+            }))
+        }
+    )+};
+}
+
+of_arrays! {
+    affine_inverse(matrix);
+    rigid(rotation, translation);
+    distort(points, coefficients);
+    fisheye(points, coefficients);
+    transform_points(points, matrix);
+    transform_normals(normals, matrix);
+    project_instances(positions, matrices, camera);
+    perturbed_normals(normals, tangents, values);
+    reflect(directions, normals);
+    over(front, behind);
+    exposure(image, stops);
+    srgb_encode(x);
+    srgb_decode(y);
+}

@@ -1,0 +1,139 @@
+"""The operations on torch tensors: gradients, and what torch expects of them."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import bokashi
+import bokashi.torch as bt
+from conftest import scene
+
+
+def tensor(array):
+    return torch.from_numpy(np.array(array)).requires_grad_()
+
+
+def check(function, *tensors):
+    assert torch.autograd.gradcheck(function, tensors, eps=1e-6, atol=1e-5, rtol=1e-4, nondet_tol=0.0)
+
+
+def test_every_function_passes_gradcheck(generator):
+    mesh, clip = scene(generator)
+    mesh_of_torch = bt.Mesh(torch.from_numpy(mesh.faces.astype(np.int64)), 7)
+    np.testing.assert_array_equal(mesh_of_torch.faces, mesh.faces)
+    clip, colors, sky = tensor(clip), tensor(generator.uniform(size=(7, 3))), tensor(generator.uniform(size=3))
+    positions = clip.detach()[:, :3].clone().requires_grad_()
+    reference = torch.from_numpy(generator.uniform(size=(8, 9, 3)))
+    camera = tensor(np.diag([1.2, 0.9, 0.5, 1.0]) + generator.uniform(-0.1, 0.1, (4, 4)))
+
+    def uniform(low, high, *shape):
+        return tensor(generator.uniform(low, high, shape))
+
+    def apart(exact):
+        def image(clip, colors, sky):
+            fragments = bt.rasterize(clip, mesh, (8, 9), exact=exact, creases=[colors] if exact else [])
+            return bt.picture(bt.interpolate(colors, fragments), fragments, sky)
+
+        return image
+
+    check(apart(False), clip, colors, sky)
+    check(apart(True), clip, colors, sky)
+    check(lambda *x: bt.picture(bt.interpolate(x[1], f := bt.rasterize(x[0], mesh, (8, 9))), f, x[2], reference=reference), clip, colors, sky)
+    check(lambda p, k, c, s: bt.render(p, mesh, c, (8, 9), camera=k, background=s), positions, camera, colors, sky)
+    check(lambda p, c: bt.render(p, mesh, c, (8, 9), reference=reference), clip, colors)
+    check(lambda p, k, r, t: bt.project(p, k, r, t), positions, camera, uniform(-1, 1, 4), uniform(-1, 1, 3))
+    check(lambda c: bt.depth(bt.rasterize(c, mesh, 8)), clip)
+    check(lambda c: bt.eye_depth(bt.rasterize(c, mesh, 8)), clip)
+    check(lambda c, a: bt.interpolate_differentials(a, f := bt.rasterize(c, mesh, 6), bt.differentials(f)), clip, colors)
+    check(lambda i, c: bt.antialias_image(i, bt.rasterize(c, mesh, (8, 9))), uniform(0, 1, 8, 9, 2), clip)
+    texels, cube = uniform(0, 1, 8, 8, 2), uniform(0, 1, 6, 4, 4, 2)
+    check(lambda t, x, d: bt.sample_texture(t, x, differentials=d), texels, uniform(0.1, 0.9, 4, 2), uniform(0.1, 0.2, 4, 2, 2))
+    check(lambda t, x, *m: bt.sample_texture(t, x, level=0.4, mips=m), texels, uniform(0.1, 0.9, 4, 2), uniform(0, 1, 4, 4, 2))
+    check(lambda t, x: bt.sample_cube_map(t, x, level=0.3), cube, uniform(-1, 1, 4, 3))
+    check(lambda t: bt.mipmaps(t), texels)
+    image = uniform(0.2, 0.8, 8, 8, 2)
+    check(bt.gaussian_blur, image, tensor(1.3))
+    check(lambda i: bt.downsample(i, 2), image)
+    check(lambda p: (bt.face_normals(p, mesh), bt.vertex_normals(p, mesh)), positions)
+    check(bt.srgb_encode, image)
+    check(bt.srgb_decode, image)
+    check(bt.exposure, image, tensor(0.3))
+    check(bt.over, uniform(0, 1, 5, 4), uniform(0, 1, 5, 4))
+    check(bt.reflect, uniform(-1, 1, 5, 3), uniform(-1, 1, 5, 3))
+    points, rows = tensor(generator.uniform(-0.3, 0.3, (5, 3)) + [0, 0, 2]), tensor(np.eye(4)[:3] + generator.uniform(-0.2, 0.2, (3, 4)))
+    affine = lambda rows: torch.cat([rows, torch.tensor([[0.0, 0, 0, 1]], dtype=torch.float64)])
+    check(lambda x: bt.se3(x, affine(rows.detach())), uniform(-0.5, 0.5, 6))
+    check(lambda rows: bt.affine_inverse(affine(rows)), rows)
+    check(lambda x: (bt.pinhole(x, 32, 0.1, 9.0), bt.orthographic(x, 32, 0.1, 9.0)), tensor([30.0, 32.0, 15.5, 16.5]))
+    check(bt.rigid, uniform(-1, 1, 4), uniform(-1, 1, 3))
+    check(bt.distort, points, uniform(-0.05, 0.05, 5))
+    check(bt.fisheye, points, uniform(-0.02, 0.02, 4))
+    check(lambda p, rows: bt.transform_points(p, affine(rows)), points, rows)
+    check(lambda p, rows: bt.transform_normals(p, affine(rows)), points, rows)
+    check(lambda p, rows, k: bt.project_instances(p, affine(rows)[None], k), points, rows, camera)
+    check(lambda p, n, x: bt.tangents(p, n, x, mesh), positions, uniform(-1, 1, 7, 3), uniform(-1, 1, 7, 2))
+    check(bt.depth_of_field, image, uniform(1, 3, 8, 8), tensor(1.5), tensor(2.0))
+    normals, color = tensor(generator.normal(size=(5, 3)) + [0, 0, 3]), uniform(0.2, 0.8, 5, 3)
+    check(
+        lambda n, c, s, e, d, i, r: bt.shade(n, [0.1, 0.2, 3.0], [c, s, e], [("directional", d, i), ("ambient", r)], model="phong"),
+        normals, color, uniform(0.1, 0.4, 3), tensor(7.0), uniform(0.5, 1, 3), uniform(0.5, 1, 3), uniform(0.1, 0.3, 3),
+    )
+
+
+def test_a_module_learns_with_an_optimizer_of_torch(generator):
+    mesh, clip = scene(generator, np.float32)
+    colors = torch.from_numpy(generator.uniform(size=(7, 3)).astype(np.float32))
+    renderer = bt.Renderer(mesh, 24)
+    reference = renderer(torch.from_numpy(clip), colors)
+    learnt = torch.nn.Parameter(torch.full((7, 3), 0.5))
+    optimizer = torch.optim.Adam([learnt], lr=0.05)
+    losses = []
+    for _ in range(150):
+        optimizer.zero_grad()
+        loss = renderer(torch.from_numpy(clip), learnt, reference=reference)
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 1e-3 * losses[0] and "Mesh(3 faces, 7 vertices)" in repr(renderer)
+
+
+def test_second_derivatives_are_refused_and_other_devices_too(generator):
+    mesh, clip = scene(generator)
+    clip = tensor(clip)
+    image = bt.render(clip, mesh, clip, 8)
+    (bar,) = torch.autograd.grad(image.square().sum(), clip, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        bar.sum().backward()
+    with pytest.raises(bokashi.RenderError, match="runs on a CPU"):
+        bt.render(clip.detach().to("meta"), mesh, clip, 8)
+
+
+def test_only_what_is_wanted_is_computed_and_gradients_may_be_missing(generator):
+    mesh, clip = scene(generator)
+    clip, colors = torch.from_numpy(clip), tensor(generator.uniform(size=(7, 3)))
+    bt.render(clip, mesh, colors, 8).sum().backward()
+    assert clip.grad is None and colors.grad.abs().sum() > 0
+    levels = bt.mipmaps(tensor(generator.uniform(size=(4, 4, 1))))
+    levels[1].sum().backward()
+    with torch.no_grad():
+        assert not bt.render(clip, mesh, colors, 8).requires_grad
+
+
+def test_a_compiled_function_calls_it_as_it_is(generator):
+    mesh, clip = scene(generator, np.float32)
+    clip, colors = torch.from_numpy(clip), torch.rand(7, 3)
+
+    def loss(clip, colors):
+        return (bt.render(clip * 1.0, mesh, colors.sigmoid(), 16, silhouettes="antialias") ** 2).sum()
+
+    compiled = torch.compile(loss, backend="eager")
+    expected = loss(clip, colors)
+    assert torch.equal(compiled(clip, colors), expected)
+
+
+def test_tensors_that_are_not_contiguous_are_read_as_they_are(generator):
+    mesh, clip = scene(generator)
+    clip = torch.from_numpy(clip)
+    colors = torch.from_numpy(generator.uniform(size=(3, 7))).T
+    assert torch.equal(bt.render(clip, mesh, colors, 8), bt.render(clip, mesh, colors.contiguous(), 8))
