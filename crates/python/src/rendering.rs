@@ -48,7 +48,7 @@ fn background<'t, T: Scalar>(given: Option<Var<'t, T>>) -> Background<'t, T> {
 #[pyfunction]
 #[pyo3(signature = (
     clip, mesh, height, width, cull="none", exact=false, creases=vec![], with_depth=false, with_differentials=false,
-    behind=None
+    behind=None, crease_tolerance=2e-3
 ))]
 #[expect(clippy::too_many_arguments, reason = "Python has names for them")]
 pub fn rasterize<'py>(
@@ -63,10 +63,13 @@ pub fn rasterize<'py>(
     with_depth: bool,
     with_differentials: bool,
     behind: Option<&Coverage>,
+    crease_tolerance: f64,
 ) -> PyResult<(Coverage, Bound<'py, PyTuple>, PullBack)> {
     let sampling = if exact { Sampling::Exact } else { Sampling::Center };
-    let options =
-        RasterOptions::new(Size { width, height }).cull(self::cull(cull)?).sampling(sampling);
+    let options = RasterOptions::new(Size { width, height })
+        .cull(self::cull(cull)?)
+        .sampling(sampling)
+        .crease_tolerance(crease_tolerance);
     let meshes: Vec<_> =
         creases.iter().map(|(_, mesh)| mesh.as_ref().map(|mesh| &mesh.get().0)).collect();
     let inputs: Vec<_> = std::iter::once(Some(&clip))
@@ -244,7 +247,7 @@ pub fn antialias_image<'py>(
 #[pyfunction]
 #[pyo3(signature = (
     positions, camera, colors, background, mesh, height, width, color_mesh=None, cull="none", silhouettes="exact",
-    reference=None
+    reference=None, crease_tolerance=2e-3
 ))]
 #[expect(clippy::too_many_arguments, reason = "Python has names for them")]
 pub fn render<'py>(
@@ -260,10 +263,13 @@ pub fn render<'py>(
     cull: &str,
     silhouettes: &str,
     reference: Option<Array<'py>>,
+    crease_tolerance: f64,
 ) -> Recorded<'py> {
     let silhouettes: Silhouettes = silhouettes.parse().map_err(Refusal::from)?;
-    let options =
-        RasterOptions::new(Size { width, height }).cull(self::cull(cull)?).silhouettes(silhouettes);
+    let options = RasterOptions::new(Size { width, height })
+        .cull(self::cull(cull)?)
+        .silhouettes(silhouettes)
+        .crease_tolerance(crease_tolerance);
     let inputs =
         [Some(&positions), camera.as_ref(), Some(&colors), background.as_ref(), reference.as_ref()];
     by_type!(positions, T => record::<T>(py, &inputs, |_, x| {

@@ -108,12 +108,13 @@ def project(positions, camera, rotation=None, translation=None):
     return _only(_native.project(positions, _like(camera, positions), *optional))
 
 
-def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = ()):
+def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = (), crease_tolerance: float = 2e-3):
     """The fragments of a mesh with vertices `clip` `[V, 4]`, in an image of `size` (height, width) or a square.
 
     `cull` is "none", "back" or "front". With `exact` pixels that a discontinuity crosses are resolved into pieces, each
     with its share: silhouettes then have their true gradient. `creases` are the attributes that will be shown, arrays
-    `[V, C]` or pairs of an array and its own `Mesh`, so that their creases are resolved too.
+    `[V, C]` or pairs of an array and its own `Mesh`, so that creases that bend them by more than `crease_tolerance` in a pixel
+    are resolved too.
 
     Returns `Fragments` and the pull-back of their barycentrics, and with `exact` of their weights, to `clip` (then to
     the creases' attributes, which get none).
@@ -121,7 +122,7 @@ def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False
     height, width = _size(size)
     creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
     coverage, (barycentrics, *weight), pull_back = _native.rasterize(
-        clip, mesh, height, width, cull, exact, creases
+        clip, mesh, height, width, cull, exact, creases, crease_tolerance=crease_tolerance
     )
     return Fragments(barycentrics, weight[0] if weight else None, clip, coverage), pull_back
 
@@ -183,12 +184,12 @@ def antialias_image(image, fragments: Fragments):
 
 def render(
     positions, mesh: Mesh, colors, size, *, camera=None, background=None, color_mesh: Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference=None,
+    cull: str = "none", silhouettes: str = "exact", reference=None, crease_tolerance: float = 2e-3,
 ):
     """A whole step: the image `[H, W, C]` of a mesh with colours at its vertices, `[V, C]`.
 
     `positions` are `[V, 3]` before a camera matrix `[4, 4]`, or without one `[V, 4]` in clip space. `silhouettes` are
-    "exact", "antialias" or "aliased". With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
+    "exact", "antialias" or "aliased"; exact ones resolve creases that bend a pixel by more than `crease_tolerance`. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
     positions, camera, colors and background.
     """
     height, width = _size(size)
@@ -196,7 +197,8 @@ def render(
         value if value is None else _like(value, positions) for value in (camera, background)
     ]
     recorded = _native.render(
-        positions, camera, colors, background, mesh, height, width, color_mesh, cull, silhouettes, reference
+        positions, camera, colors, background, mesh, height, width, color_mesh, cull, silhouettes, reference,
+        crease_tolerance,
     )
     return _only(recorded)
 

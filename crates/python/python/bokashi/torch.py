@@ -94,7 +94,10 @@ def project(positions, camera, rotation=None, translation=None):
     return _only(_native.project, positions, _like(camera, positions), *optional)
 
 
-def rasterize(clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = ()) -> Fragments:
+def rasterize(
+    clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = (),
+    crease_tolerance: float = 2e-3,
+) -> Fragments:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
     height, width = _size(size)
     creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
@@ -104,7 +107,7 @@ def rasterize(clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = Fals
     def run(clip, *attributes):
         nonlocal found
         found, outputs, pull_back = _native.rasterize(
-            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes))
+            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes)), crease_tolerance=crease_tolerance
         )
         return outputs, pull_back
 
@@ -185,14 +188,16 @@ def antialias_image(image, fragments: Fragments):
 
 def render(
     positions, mesh: _Mesh, colors, size, *, camera=None, background=None, color_mesh: _Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference=None,
+    cull: str = "none", silhouettes: str = "exact", reference=None, crease_tolerance: float = 2e-3,
 ):
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
     height, width = _size(size)
     reference = _to_array(reference)
 
     def run(*x):
-        return _native.render(*x, mesh, height, width, color_mesh, cull, silhouettes, reference)
+        return _native.render(
+            *x, mesh, height, width, color_mesh, cull, silhouettes, reference, crease_tolerance
+        )
 
     tensors = positions, _like(camera, positions), colors, _like(background, positions)
     return _only(_with_spare(run, reference), *tensors)
