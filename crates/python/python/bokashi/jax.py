@@ -27,11 +27,13 @@ import functools
 import itertools
 import secrets
 import weakref
-from typing import Callable, Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, Union
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
 from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set_num_threads
@@ -44,6 +46,9 @@ __all__ = [
     "srgb_decode", "srgb_encode", "vertex_normals",
 ]
 
+# An array, or what becomes one of the type of the others.
+Value = Union[jax.typing.ArrayLike, Sequence]
+
 jax.tree_util.register_dataclass(Fragments, ["barycentrics", "weight", "clip"], ["coverage"])
 
 
@@ -54,7 +59,7 @@ class _Kept:
     MOST = 64
     MOST_BYTES = 2**27
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.known: dict[int, tuple[int, Callable]] = {}
         # Numbers of another process, in arrays that were saved, are not taken for our own.
         self.numbers = itertools.count(secrets.randbits(32))
@@ -94,7 +99,7 @@ def _to_numpy(arrays):
     return jax.tree.map(np.asarray, arrays)
 
 
-def _call(function: Callable, expected, arrays):
+def _call(function: Callable, expected: Any, arrays: Any) -> Any:
     """A function of numpy arrays: at once where jax has numbers, else as a callback whose results are like `expected`."""
     if not any(isinstance(array, jax.core.Tracer) for array in jax.tree.leaves(arrays)):
         return jax.tree.map(jnp.asarray, function(*_to_numpy(arrays)))
@@ -105,7 +110,7 @@ def _call(function: Callable, expected, arrays):
     return jax.pure_callback(lambda *x: function(*_to_numpy(x)), expected, *arrays, vmap_method="sequential")
 
 
-def _expected(shapes: Callable | None, arrays) -> tuple | None:
+def _expected(shapes: Callable | None, arrays: Any) -> tuple | None:
     """What the outputs will look like, where that is known."""
     if shapes is None:
         return None
@@ -114,7 +119,7 @@ def _expected(shapes: Callable | None, arrays) -> tuple | None:
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 1))
-def _recorded(run: Callable, shapes: Callable | None, *arrays):
+def _recorded(run: Callable, shapes: Callable | None, *arrays: Array | None) -> Any:
     """The outputs of a step: `run(*arrays)` returns them and its pull-back, `shapes(*arrays)` returns their shapes."""
     return _call(lambda *x: tuple(run(*x)[0]), _expected(shapes, arrays), arrays)
 
@@ -161,9 +166,9 @@ def _backward(run, shapes, residuals, upstream):
 _recorded.defvjp(_forward, _backward, symbolic_zeros=True)
 
 
-def _only(run: Callable, shape: Callable | None, *arrays):
+def _only(run: Callable, shape: Callable, *arrays: Array | None) -> Array:
     """The output of a step that has one."""
-    (value,) = _recorded(run, None if shape is None else lambda *x: (shape(*x),), *arrays)
+    (value,) = _recorded(run, lambda *x: (shape(*x),), *arrays)
     return value
 
 
@@ -178,39 +183,44 @@ def _same(x, *_):
     return x.shape
 
 
-def Mesh(faces, vertex_count: int) -> _Mesh:
+def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, an array or a list."""
     return _Mesh(np.asarray(faces), vertex_count)
 
 
-def project(positions, camera, rotation=None, translation=None):
+def project(
+    positions: Array, camera: Value, rotation: Value | None = None, translation: Value | None = None
+) -> Array:
     """As `bokashi.project`."""
     positions = _array(positions)
     more = [_array(value, positions) for value in (camera, rotation, translation)]
     return _only(_native.project, lambda x, *_: (x.shape[0], 4), positions, *more)
 
 
-def rasterize(clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = ()) -> Fragments:
+def rasterize(
+    clip: Array, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
+    creases: Sequence[Array | tuple[Array, _Mesh | None]] = (),
+) -> Fragments[Array]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`. Outside of `jit` alone."""
     clip = _array(clip)
     height, width = _size(size)
-    creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    meshes = [mesh for _, mesh in creases]
-    found = None
+    pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
+    meshes = [mesh for _, mesh in pairs]
+    found: list[Coverage] = []
 
     def run(clip, *attributes):
-        nonlocal found
-        found, outputs, pull_back = _native.rasterize(
+        coverage, outputs, pull_back = _native.rasterize(
             clip, mesh, height, width, cull, exact, list(zip(attributes, meshes))
         )
+        found.append(coverage)
         return outputs, pull_back
 
-    attributes = [jax.lax.stop_gradient(_array(values, clip)) for values, _ in creases]
+    attributes = [jax.lax.stop_gradient(_array(values, clip)) for values, _ in pairs]
     barycentrics, *weight = _recorded(run, None, clip, *attributes)
-    return Fragments(barycentrics, weight[0] if weight else None, clip, found)
+    return Fragments(barycentrics, weight[0] if weight else None, clip, found[0])
 
 
-def interpolate(attributes, fragments: Fragments, mesh: _Mesh | None = None):
+def interpolate(attributes: Array, fragments: Fragments[Array], mesh: _Mesh | None = None) -> Array:
     """As `bokashi.interpolate`."""
     coverage = fragments.coverage
 
@@ -221,19 +231,29 @@ def interpolate(attributes, fragments: Fragments, mesh: _Mesh | None = None):
     return _only(run, lambda x, *_: (len(coverage), x.shape[1]), attributes, *fragments.arrays)
 
 
-def depth(fragments: Fragments):
+def depth(fragments: Fragments[Array]) -> Array:
     """As `bokashi.depth`."""
     coverage = fragments.coverage
-    return _only(lambda *x: _native.depth(*x, coverage), lambda *_: (len(coverage),), *fragments.arrays)
+
+    def run(*x):
+        return _native.depth(*x, coverage)
+
+    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
 
 
-def differentials(fragments: Fragments):
+def differentials(fragments: Fragments[Array]) -> Array:
     """As `bokashi.differentials`."""
     coverage = fragments.coverage
-    return _only(lambda *x: _native.differentials(*x, coverage), lambda *_: (len(coverage), 2, 2), *fragments.arrays)
+
+    def run(*x):
+        return _native.differentials(*x, coverage)
+
+    return _only(run, lambda *_: (len(coverage), 2, 2), *fragments.arrays)
 
 
-def interpolate_differentials(attributes, fragments: Fragments, differentials, mesh: _Mesh | None = None):
+def interpolate_differentials(
+    attributes: Array, fragments: Fragments[Array], differentials: Array, mesh: _Mesh | None = None
+) -> Array:
     """As `bokashi.interpolate_differentials`."""
     coverage = fragments.coverage
 
@@ -244,12 +264,15 @@ def interpolate_differentials(attributes, fragments: Fragments, differentials, m
     return _only(run, lambda x, *_: (len(coverage), x.shape[1], 2), attributes, differentials, *fragments.arrays)
 
 
-def _image_shape(size, channels: int, reference) -> tuple:
+def _image_shape(size: tuple[int, int], channels: int, reference: Any) -> tuple:
     """That of an image, or with a reference of a loss."""
     return (*size, channels) if reference is None else ()
 
 
-def picture(values, fragments: Fragments, background=None, *, antialias: bool = True, reference=None):
+def picture(
+    values: Array, fragments: Fragments[Array], background: Value | None = None, *, antialias: bool = True,
+    reference: Array | None = None,
+) -> Array:
     """As `bokashi.picture`: an image, or with a `reference` a loss."""
     coverage = fragments.coverage
     values = _array(values, fragments.clip)
@@ -270,7 +293,7 @@ def _still(value, like):
     return value if value is None else jax.lax.stop_gradient(_array(value, like))
 
 
-def antialias_image(image, fragments: Fragments):
+def antialias_image(image: Array, fragments: Fragments[Array]) -> Array:
     """As `bokashi.antialias_image`."""
     coverage = fragments.coverage
 
@@ -282,9 +305,10 @@ def antialias_image(image, fragments: Fragments):
 
 
 def render(
-    positions, mesh: _Mesh, colors, size, *, camera=None, background=None, color_mesh: _Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference=None,
-):
+    positions: Array, mesh: _Mesh, colors: Array, size: int | Sequence[int], *, camera: Value | None = None,
+    background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
+    reference: Array | None = None,
+) -> Array:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
     height, width = _size(size)
     positions = _array(positions)
@@ -300,7 +324,7 @@ def render(
     return _only(run, shape, positions, *arrays, _still(reference, positions))
 
 
-def mipmaps(texels, coarsest: int | None = None) -> tuple:
+def mipmaps(texels: Array, coarsest: int | None = None) -> tuple[Array, ...]:
     """As `bokashi.mipmaps`."""
 
     def shapes(texels):
@@ -335,9 +359,10 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
 
 
 def sample_texture(
-    texels, coordinates, *, level=None, differentials=None, bias=None, filter: str = "trilinear", border="wrap",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: Array, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
+    bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
+    coarsest: int | None = None, probes: int = 8, mips: Sequence[Array] | None = None,
+) -> Array:
     """As `bokashi.sample_texture`."""
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -345,9 +370,10 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels, directions, *, level=None, differentials=None, bias=None, filter: str = "trilinear",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: Array, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
+    bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
+    mips: Sequence[Array] | None = None,
+) -> Array:
     """As `bokashi.sample_cube_map`."""
     return _sample(
         _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
@@ -355,16 +381,19 @@ def sample_cube_map(
 
 
 def gaussian_blur(
-    image, sigma, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6, radius: int | None = None
-):
+    image: Array, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
+    radius: int | None = None,
+) -> Array:
     """As `bokashi.gaussian_blur`."""
     image = _array(image)
-    return _only(
-        lambda *x: _native.gaussian_blur(*x, kernel, border, tolerance, radius), _same, image, _array(sigma, image)
-    )
+
+    def run(image, sigma):
+        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
+
+    return _only(run, _same, image, _array(sigma, image))
 
 
-def downsample(image, factor: int):
+def downsample(image: Array, factor: int) -> Array:
     """As `bokashi.downsample`."""
 
     def shape(image):
@@ -374,39 +403,39 @@ def downsample(image, factor: int):
     return _only(lambda x: _native.downsample(x, factor), shape, _array(image))
 
 
-def face_normals(positions, mesh: _Mesh):
+def face_normals(positions: Array, mesh: _Mesh) -> Array:
     """As `bokashi.face_normals`."""
     return _only(lambda x: _native.face_normals(x, mesh), lambda _: (len(mesh), 3), _array(positions))
 
 
-def vertex_normals(positions, mesh: _Mesh, weighting: str = "angle"):
+def vertex_normals(positions: Array, mesh: _Mesh, weighting: str = "angle") -> Array:
     """As `bokashi.vertex_normals`."""
     return _only(lambda x: _native.vertex_normals(x, mesh, weighting), _same, _array(positions))
 
 
-def srgb_encode(x):
+def srgb_encode(x: Array) -> Array:
     """As `bokashi.srgb_encode`."""
     return _only(_native.srgb_encode, _same, _array(x))
 
 
-def srgb_decode(y):
+def srgb_decode(y: Array) -> Array:
     """As `bokashi.srgb_decode`."""
     return _only(_native.srgb_decode, _same, _array(y))
 
 
-def exposure(image, stops):
+def exposure(image: Array, stops: Value) -> Array:
     """As `bokashi.exposure`."""
     image = _array(image)
     return _only(_native.exposure, _same, image, _array(stops, image))
 
 
-def over(front, back):
+def over(front: Array, back: Array) -> Array:
     """As `bokashi.over`."""
     front = _array(front)
     return _only(_native.over, _same, front, _array(back, front))
 
 
-def reflect(directions, normals):
+def reflect(directions: Array, normals: Array) -> Array:
     """As `bokashi.reflect`."""
     directions = _array(directions)
     return _only(_native.reflect, _same, directions, _array(normals, directions))

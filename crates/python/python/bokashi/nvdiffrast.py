@@ -10,9 +10,12 @@ antialiasing never leaves the range of the pixels that it mixes, and faces of eq
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from . import Coverage, Mesh, RenderError, _native
@@ -27,21 +30,21 @@ __all__ = [
 class RasterizeCudaContext:
     """A name alone: there is no device."""
 
-    def __init__(self, device=None):
+    def __init__(self, device: Any = None) -> None:
         del device
 
 
 class RasterizeGLContext:
     """A name alone: there is no device."""
 
-    def __init__(self, output_db: bool = True, mode: str = "automatic", device=None):
+    def __init__(self, output_db: bool = True, mode: str = "automatic", device: Any = None) -> None:
         del mode, device
         self.output_db = output_db
 
-    def set_context(self):
+    def set_context(self) -> None:
         """Does nothing."""
 
-    def release_context(self):
+    def release_context(self) -> None:
         """Does nothing."""
 
 
@@ -50,7 +53,7 @@ def get_log_level() -> int:
     return _log_level[0]
 
 
-def set_log_level(level: int):
+def set_log_level(level: int) -> None:
     """Keeps the level: nothing is logged."""
     _log_level[0] = level
 
@@ -61,15 +64,16 @@ _log_level = [1]
 class _Cache:
     """Values that belong to tensors: not on them, so that they can be saved, and gone with them."""
 
-    def __init__(self):
-        self.known = {}
+    def __init__(self) -> None:
+        self.known: dict[int, tuple[Any, int, dict]] = {}
 
-    def get(self, tensor, key, make):
+    def get(self, tensor: Tensor, key: Any, make: Callable[[], Any]) -> Any:
         """The value of a tensor as it is now, made where it is not known."""
         known = self.known.get(id(tensor))
         if known is None or known[0]() is not tensor or known[1] != tensor._version:
-            reference = weakref.ref(tensor, lambda _, name=id(tensor): self.known.pop(name, None))
-            known = self.known[id(tensor)] = (reference, tensor._version, {})
+            name = id(tensor)
+            reference = weakref.ref(tensor, lambda _: self.known.pop(name, None))
+            known = self.known[name] = (reference, tensor._version, {})
         values = known[2]
         if key not in values:
             values[key] = make()
@@ -79,7 +83,7 @@ class _Cache:
 _meshes, _coverages = _Cache(), _Cache()
 
 
-def _mesh(tri, vertex_count: int) -> Mesh:
+def _mesh(tri: Tensor, vertex_count: int) -> Mesh:
     """The mesh of an index buffer, checked once."""
     if tri.dtype != torch.int32 or tri.dim() != 2 or tri.shape[1] != 3:
         raise RenderError(f"tri needs shape [T, 3] and dtype int32, got {list(tri.shape)} and {tri.dtype}")
@@ -96,7 +100,7 @@ def _upside_down(positions: np.ndarray) -> np.ndarray:
 class _Images:
     """What was drawn: a mesh, its clip positions upside down and its first face for each image."""
 
-    def __init__(self, pos, tri, ranges=None):
+    def __init__(self, pos: Tensor, tri: Tensor, ranges: Tensor | None = None) -> None:
         positions = _to_array(pos)
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
             mesh = _mesh(tri, positions.shape[1])
@@ -112,7 +116,7 @@ class _Images:
             raise RenderError(f"pos needs shape [N, V, 4], or with ranges [V, 4], got {given}")
         self.is_shared = positions.ndim == 2
 
-    def add_up(self, bars) -> torch.Tensor | None:
+    def add_up(self, bars: list) -> Tensor | None:
         """The gradient of the positions from those of the images' clip positions."""
         if all(bar is None for bar in bars):
             return None
@@ -152,12 +156,15 @@ class _Rasterize(torch.autograd.Function):
         return ctx.images.add_up(bars), None, None, None, None, None
 
 
-def _stack(images: list) -> torch.Tensor:
+def _stack(images: list[Tensor]) -> Tensor:
     """Images in one array; that of a single image is not copied."""
     return images[0][None] if len(images) == 1 else torch.stack(images)
 
 
-def _rasterize(pos, tri, resolution, ranges, grad_db, fronts=None):
+def _rasterize(
+    pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None, grad_db: bool,
+    fronts: list[Coverage] | None = None,
+) -> tuple[Tensor, Tensor]:
     images = _Images(pos, tri, ranges)
     found: list[Coverage] = []
     rast, rast_db = _Rasterize.apply(pos, images, tuple(resolution), grad_db, fronts, found)
@@ -165,7 +172,9 @@ def _rasterize(pos, tri, resolution, ranges, grad_db, fronts=None):
     return rast, rast_db
 
 
-def rasterize(glctx, pos, tri, resolution, ranges=None, grad_db=True):
+def rasterize(
+    glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None, grad_db: bool = True
+) -> tuple[Tensor, Tensor]:
     """`rast` `[N, H, W, 4]`, (u, v, z/w, triangle id + 1), and `rast_db` `[N, H, W, 4]`, (du/dX, du/dY, dv/dX, dv/dY).
 
     `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u and v,
@@ -178,30 +187,33 @@ def rasterize(glctx, pos, tri, resolution, ranges=None, grad_db=True):
 class DepthPeeler:
     """Layer after layer of what lies behind a pixel: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
 
-    def __init__(self, glctx, pos, tri, resolution, ranges=None, grad_db=True):
+    def __init__(
+        self, glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None,
+        grad_db: bool = True,
+    ) -> None:
         del glctx
         self.call = pos, tri, resolution, ranges, grad_db
-        self.fronts = None
+        self.fronts: list[Coverage] | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> DepthPeeler:
         return self
 
-    def __exit__(self, *args):
+    def __exit__(self, *args: object) -> None:
         self.fronts = None
 
-    def rasterize_next_layer(self):
+    def rasterize_next_layer(self) -> tuple[Tensor, Tensor]:
         """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
         rast, rast_db = _rasterize(*self.call, self.fronts)
         _, self.fronts = _drawn(rast)
         return rast, rast_db
 
 
-def _drawn(rast):
+def _drawn(rast: Tensor) -> Any:
     """Meshes and coverages of what `rasterize` returned, where that is the tensor itself."""
     return _coverages.get(rast, "drawn", lambda: None)
 
 
-def _coverage_of(rast, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
+def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
     """The coverage of each image, with its part of a mesh: that of `rasterize`, or where the tensor is another one, that of
     its ids."""
     drawn = _drawn(rast)
@@ -281,7 +293,10 @@ class _Interpolate(torch.autograd.Function):
         )
 
 
-def interpolate(attr, rast, tri, rast_db=None, diff_attrs=None):
+def interpolate(
+    attr: Tensor, rast: Tensor, tri: Tensor, rast_db: Tensor | None = None,
+    diff_attrs: Sequence[int] | str | None = None,
+) -> tuple[Tensor, Tensor]:
     """Attributes `[N, V, A]`, `[1, V, A]` or `[V, A]` at pixels, `[N, H, W, A]`, zeros where nothing is seen.
 
     `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted: they are the
@@ -365,11 +380,11 @@ class _Texture(torch.autograd.Function):
 class _Mipmaps:
     """Coarser levels of a texture that were made once."""
 
-    def __init__(self, levels):
+    def __init__(self, levels: list[Tensor]) -> None:
         self.levels = levels
 
 
-def texture_construct_mip(tex, max_mip_level=None, cube_mode=False):
+def texture_construct_mip(tex: Tensor, max_mip_level: int | None = None, cube_mode: bool = False) -> _Mipmaps:
     """The coarser levels of a texture `[N, H, W, C]`, or with `cube_mode` `[N, 6, H, W, C]`, for `texture`'s `mip`."""
     del cube_mode
     from .torch import mipmaps
@@ -384,8 +399,10 @@ _FILTERS = {
 
 
 def texture(
-    tex, uv, uv_da=None, mip_level_bias=None, mip=None, filter_mode="auto", boundary_mode="wrap", max_mip_level=None
-):
+    tex: Tensor, uv: Tensor, uv_da: Tensor | None = None, mip_level_bias: Tensor | None = None,
+    mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
+    max_mip_level: int | None = None,
+) -> Tensor:
     """Samples of `tex` `[N, H, W, C]`, or for `boundary_mode="cube"` `[N, 6, S, S, C]`, at `uv` `[N, H, W, 2]` (3): `[N, H, W, C]`.
 
     `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or "linear-mipmap-linear"; `boundary_mode` "wrap",
@@ -405,7 +422,7 @@ def texture(
     levels = [tex]
     if uses_levels and mip is not None:
         levels += list(mip.levels if isinstance(mip, _Mipmaps) else mip)
-    sampler = {"filter": _FILTERS[filter_mode]}
+    sampler: dict[str, Any] = {"filter": _FILTERS[filter_mode]}
     sampler["borders"] = ("wrap", "wrap") if is_cube else (boundary_mode, boundary_mode)
     if max_mip_level is not None:
         sampler["coarsest"] = max_mip_level
@@ -413,7 +430,7 @@ def texture(
     return _Texture.apply(uv, *detail, sampler, uses_levels and mip is None, *levels)
 
 
-def antialias_construct_topology_hash(tri):
+def antialias_construct_topology_hash(tri: Tensor) -> Any:
     """The neighbours of faces: they are found once per index buffer in any case."""
     return tri
 
@@ -447,7 +464,9 @@ class _Antialias(torch.autograd.Function):
         return _stack(color_bars) if wants_color else None, pos_bar if pos_bar is None else pos_bar * ctx.boost, None, None, None
 
 
-def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0):
+def antialias(
+    color: Tensor, rast: Tensor, pos: Tensor, tri: Tensor, topology_hash: Any = None, pos_gradient_boost: float = 1.0
+) -> Tensor:
     """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
     del topology_hash
     drawn = _drawn(rast)
@@ -470,7 +489,7 @@ def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0)
     return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
 
 
-def _is_drawn_at(images, positions) -> bool:
+def _is_drawn_at(images: _Images, positions: Tensor) -> bool:
     """Whether these are the positions that were drawn."""
     given = positions.numpy()
     if images.is_shared:
