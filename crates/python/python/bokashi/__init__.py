@@ -9,7 +9,7 @@ Each operation returns its value and a function that pulls gradients back:
 >>> colors = np.eye(3)
 >>> surface, of_surface = bokashi.interpolate(colors, fragments)
 >>> surface.shape
-(16, 3)
+(8, 3)
 >>> colors_bar, barycentrics_bar, _, _ = of_surface(np.ones_like(surface))
 >>> (clip_bar,) = of_clip(barycentrics_bar)
 >>> clip_bar.shape
@@ -202,6 +202,16 @@ def render(
     `positions` are `[V, 3]` before a camera matrix `[4, 4]`, or without one `[V, 4]` in clip space. `silhouettes` are
     "exact", "antialias" or "aliased". With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
     positions, camera, colors and background.
+
+    >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
+    >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
+    >>> image, _ = render(clip, mesh, np.ones((3, 1)), 8)
+    >>> float(image.sum().round(9))  # The area of the triangle in pixels: exactly.
+    8.8
+    >>> loss, pull_back = render(clip, mesh, np.ones((3, 1)), 8, reference=image)
+    >>> clip_bar, *_ = pull_back(np.ones(()))
+    >>> float(loss), float(abs(clip_bar).max())
+    (0.0, 0.0)
     """
     height, width = _size(size)
     matrix, behind = [value if value is None else _like(value, positions) for value in (camera, background)]

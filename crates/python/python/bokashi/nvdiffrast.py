@@ -3,6 +3,17 @@
 Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u, v,
 z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
 
+>>> import torch, bokashi.nvdiffrast as dr
+>>> context = dr.RasterizeCudaContext()
+>>> pos = torch.tensor([[[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]]], requires_grad=True)
+>>> tri = torch.tensor([[0, 1, 2]], dtype=torch.int32)
+>>> rast, _ = dr.rasterize(context, pos, tri, resolution=[8, 8])
+>>> color, _ = dr.interpolate(torch.eye(3)[None], rast, tri)
+>>> image = dr.antialias(color, rast, pos, tri)
+>>> image.square().sum().backward()
+>>> image.shape, pos.grad.shape
+(torch.Size([1, 8, 8, 3]), torch.Size([1, 3, 4]))
+
 What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an error,
 antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their index.
 """

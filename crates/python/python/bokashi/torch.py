@@ -226,7 +226,14 @@ def render(
 
 
 class Renderer(torch.nn.Module):
-    """`render` as a module: a mesh, an image size and how silhouettes look."""
+    """`render` as a module: a mesh, an image size and how silhouettes look.
+
+    >>> renderer = Renderer(Mesh(torch.tensor([[0, 1, 2]]), 3), 8)
+    >>> clip = torch.tensor([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]], requires_grad=True)
+    >>> renderer(clip, torch.ones(3, 1), reference=torch.zeros(8, 8, 1)).backward()
+    >>> bool(clip.grad[2, 1] > 0)  # A taller triangle is further from black.
+    True
+    """
 
     def __init__(
         self, mesh: _Mesh, size: int | Sequence[int], *, color_mesh: _Mesh | None = None, cull: str = "none",
