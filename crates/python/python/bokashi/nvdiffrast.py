@@ -101,6 +101,28 @@ def _mesh(tri: Tensor, vertex_count: int) -> Mesh:
     return _meshes.get(tri, vertex_count, lambda: Mesh(_to_array(tri), vertex_count))
 
 
+def _require(name: str, tensor: Tensor, *shape: int | str | tuple[int, ...]) -> None:
+    """Refuses a tensor of another shape. An axis is a number, one of several, or any under a name."""
+    given = tensor.shape
+    is_met = len(given) == len(shape)
+    for axis, extent in zip(shape, given):
+        # In the order of how often it is true: this is called in every step.
+        if axis != extent and not isinstance(axis, str) and not (isinstance(axis, tuple) and extent in axis):
+            is_met = False
+    if not is_met:
+        words = [" or ".join(map(str, sorted(set(axis)))) if isinstance(axis, tuple) else str(axis) for axis in shape]
+        raise RenderError(f"{name} needs shape [{', '.join(words)}], got {list(given)}")
+
+
+def _ids(rast: Tensor) -> np.ndarray:
+    """The triangle ids of images, `[N, H, W]`."""
+    _require("rast", rast, "N", "H", "W", 4)
+    ids = _to_array(rast)[..., 3]
+    if not (ids >= 0).all():
+        raise RenderError(f"rast needs triangle ids from 0 on, got {ids[~(ids >= 0)][0]}")
+    return ids.astype(np.uint32)
+
+
 def _upside_down(positions: np.ndarray) -> np.ndarray:
     """Clip positions with y negated: our top row is then their bottom row."""
     flipped = positions.copy()
@@ -114,17 +136,24 @@ class _Images:
     def __init__(self, pos: Tensor, tri: Tensor, ranges: Tensor | None = None) -> None:
         positions = _to_array(pos)
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
-            mesh = _mesh(tri, positions.shape[1])
+            self.mesh = _mesh(tri, positions.shape[1])
             self.clips = list(_upside_down(positions))
-            self.parts = [(mesh, 0)] * len(self.clips)
+            self.parts = [(self.mesh, 0)] * len(self.clips)
         elif positions.ndim == 2 and ranges is not None and positions.shape[1] == 4:
-            mesh = _mesh(tri, positions.shape[0])
-            starts = [(int(start), int(start + count)) for start, count in ranges.tolist()]
-            self.parts = [(mesh.part(start, end), start) for start, end in starts]
+            _require("ranges", ranges, "N", 2)
+            self.mesh = _mesh(tri, positions.shape[0])
+            starts = [(int(start), int(count)) for start, count in ranges.tolist()]
+            if any(start < 0 or count < 0 for start, count in starts):
+                raise RenderError(f"ranges need starts and counts from 0 on, got {ranges.tolist()}")
+            self.parts = [(self.mesh.part(start, start + count), start) for start, count in starts]
             self.clips = [_upside_down(positions)] * len(starts)
         else:
             given = list(positions.shape)
             raise RenderError(f"pos needs shape [N, V, 4], or with ranges [V, 4], got {given}")
+        if not self.clips:
+            raise RenderError("a batch needs at least one image, got none")
+        if positions.dtype == np.float32 and len(self.mesh) > 2**24:
+            raise RenderError(f"float32 has ids for at most {2**24} faces, got {len(self.mesh)}")
         self.is_shared = positions.ndim == 2
 
     def add_up(self, bars: list) -> Tensor | None:
@@ -236,8 +265,7 @@ def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
         return list(zip(found, parts))
 
     def read():
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
-        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in ids]
+        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in _ids(rast)]
 
     return _coverages.get(rast, ("ids", mesh), read)
 
@@ -295,7 +323,9 @@ class _Interpolate(torch.autograd.Function):
                 moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), -1, 2)
                 more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
                 if own is not None and more is not None:
-                    own[:, ctx.which] += more
+                    # One by one: an attribute may be chosen twice.
+                    for column, attribute in enumerate(ctx.which):
+                        own[:, attribute] += more[:, column]
                 if wants_db:
                     db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(-1, 4))))
         return (
@@ -313,12 +343,20 @@ def interpolate(
     `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted: they are the
     second result, `[N, H, W, 2 K]`, and need `rast_db`.
     """
+    if attr.dim() != 2:
+        _require("attr", attr, (1, rast.shape[0]), "V", "A")
     which = None
-    if diff_attrs is not None:
+    # No attributes are as none.
+    if diff_attrs is not None and len(diff_attrs):
         if rast_db is None:
             raise RenderError("interpolate needs rast_db for diff_attrs, got None")
+        _require("rast_db", rast_db, *rast.shape)
         channels = attr.shape[-1]
+        if isinstance(diff_attrs, str) and diff_attrs != "all":
+            raise RenderError(f'diff_attrs need to be a list of attributes or "all", got "{diff_attrs}"')
         which = list(range(channels)) if isinstance(diff_attrs, str) else [int(k) for k in diff_attrs]
+        if not all(0 <= k < channels for k in which):
+            raise RenderError(f"diff_attrs need to be attributes below {channels}, got {which}")
     mesh = _mesh(tri, attr.shape[-2])
     coverages = _coverage_of(rast, mesh)
     return _Interpolate.apply(attr, rast, rast_db if which is not None else None, coverages, which)
@@ -430,9 +468,17 @@ def texture(
     uses_levels = "mipmap" in filter_mode
     if uses_levels and not has_detail:
         raise RenderError(f"{filter_mode} needs uv_da or mip_level_bias, got neither")
+    _require("uv", uv, "N", "H", "W", 3 if is_cube else 2)
+    images, height, width, axes = uv.shape
     levels = [tex]
     if uses_levels and mip is not None:
         levels += list(mip.levels if isinstance(mip, _Mipmaps) else mip)
+    for level in levels:
+        _require("tex", level, (1, images), *((6, "S", "S", "C") if is_cube else ("H", "W", "C")))
+    if uses_levels and uv_da is not None:
+        _require("uv_da", uv_da, images, height, width, 2 * axes)
+    if uses_levels and mip_level_bias is not None:
+        _require("mip_level_bias", mip_level_bias, images, height, width)
     sampler: dict[str, Any] = {"filter": _FILTERS[filter_mode]}
     sampler["borders"] = ("wrap", "wrap") if is_cube else (boundary_mode, boundary_mode)
     if max_mip_level is not None:
@@ -480,19 +526,20 @@ def antialias(
 ) -> Tensor:
     """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
     del topology_hash
+    _require("color", color, *rast.shape[:3], "C")
+    _require("pos", pos, *(("V", 4) if pos.dim() == 2 else (rast.shape[0], "V", 4)))
     drawn = _drawn(rast)
     positions = pos.detach()
     if drawn is not None:
         images, coverages = drawn
-        if len(images.clips) and _is_drawn_at(images, positions):
+        if _is_drawn_at(images, positions) and _mesh(tri, positions.shape[-2]) is images.mesh:
             return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
+    ids = _ids(rast)
     if positions.dim() == 2:
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
         images = _Images(pos[None].expand(len(ids), -1, -1), tri)
         images.is_shared = True
     else:
         images = _Images(pos, tri)
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
     mesh = images.parts[0][0]
     coverages = [
         Coverage.from_ids(mesh, np.ascontiguousarray(image), clip) for image, clip in zip(ids, images.clips)
