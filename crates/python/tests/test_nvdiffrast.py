@@ -177,7 +177,10 @@ def test_ranges_peels_and_lost_objects():
         part = tri[start : start + count].contiguous()
         rast, _ = dr.rasterize(CONTEXT, pos, part, [8, 8])
         of_part, _ = dr.interpolate(attr, rast, part)
-        assert torch.equal(dr.antialias(of_part, rast, pos, part)[0], whole[k])
+        # Silhouettes are those of the whole mesh.
+        own = rast.clone()
+        own[..., 3] += start * (own[..., 3] > 0)
+        assert torch.equal(dr.antialias(of_part, own, pos, tri)[0], whole[k])
         ids, _ = dr.rasterize(CONTEXT, pos[0], tri, [8, 8], ranges=ranges)
         assert torch.equal(ids[k, ..., 3], rast[0, ..., 3] + start * (rast[0, ..., 3] > 0))
     check(lambda pos, attr: dr.interpolate(attr, dr.rasterize(CONTEXT, pos[0], tri, [6, 6], ranges=ranges)[0], tri)[0], pos, attr)
@@ -201,6 +204,27 @@ def test_ranges_peels_and_lost_objects():
         assert torch.equal(dr.antialias(out, lose(rast), pos, tri), dr.antialias(out, rast, pos, tri))
 
 
+def test_an_attribute_may_be_chosen_twice():
+    generator = np.random.default_rng(2)
+    pos, tri = faces_in_perspective(generator, 1)
+    attr = leaf(torch.from_numpy(generator.normal(size=(1, 6, 2))))
+    rast, rast_db = [array.detach() for array in dr.rasterize(CONTEXT, pos, tri, [6, 7])]
+    check(lambda attr: dr.interpolate(attr, rast, tri, rast_db, diff_attrs=[1, 1])[1], attr)
+    assert dr.interpolate(attr, rast, tri, rast_db, diff_attrs=[])[1].shape == (1, 6, 7, 0)
+
+
+def test_silhouettes_are_those_of_the_given_faces():
+    pos = torch.tensor([[[-0.8, -0.8, 0, 1], [0.8, -0.8, 0, 1], [0.8, 0.8, 0, 1], [-0.8, 0.8, 0, 1.0]]])
+    tri = torch.tensor([[0, 1, 2], [0, 2, 3]], dtype=torch.int32)
+    # The same faces that share no edge.
+    apart = torch.cat([pos, pos], 1), torch.tensor([[0, 1, 2], [4, 6, 7]], dtype=torch.int32)
+    rast, _ = dr.rasterize(CONTEXT, pos, tri, [16, 16])
+    color = torch.rand(1, 16, 16, 3, generator=torch.Generator().manual_seed(1))
+    whole = dr.antialias(color, rast, pos, tri)
+    assert torch.equal(dr.antialias(color, rast, pos, tri.clone()), whole)
+    assert not torch.equal(dr.antialias(color, rast, *apart), whole)
+
+
 def test_levels_are_those_of_the_longer_axis_of_the_footprint():
     generator = np.random.default_rng(3)
     levels = [torch.full((1, 64 >> k, 64 >> k, 1), float(k), dtype=torch.float64) for k in range(7)]
@@ -217,6 +241,15 @@ def test_what_is_refused_says_why():
     pos, tri = faces_in_perspective(np.random.default_rng(1), 1)
     rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [4, 4])
     attr = torch.zeros(1, 6, 3, dtype=torch.float64)
+    uv, tex = torch.zeros(3, 4, 4, 2, dtype=torch.float64), torch.zeros(1, 8, 8, 3, dtype=torch.float64)
+    cube, to_cube = tex[:, None].expand(-1, 6, -1, -1, -1), torch.ones(1, 4, 4, 3, dtype=torch.float64)
+    ranges = torch.tensor([[0, 2], [-1, 1]], dtype=torch.int32)
+
+    def with_id(number):
+        other = rast.clone()
+        other[0, 2, 2, 3] = number
+        return other
+
     for wrong, message in [
         (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4]), "pos needs shape \\[N, V, 4\\]"),
         (lambda: dr.rasterize(CONTEXT, pos, tri.long(), [4, 4]), "dtype int32"),
@@ -224,6 +257,25 @@ def test_what_is_refused_says_why():
         (lambda: dr.interpolate(attr, rast, tri[:2].contiguous()), "faces"),
         (lambda: dr.texture(attr[None], attr, filter_mode="cubic"), "filter_mode needs to be"),
         (lambda: dr.texture(attr[None], attr, filter_mode="linear-mipmap-linear"), "needs uv_da or mip_level_bias"),
+        (lambda: dr.rasterize(CONTEXT, pos[:0], tri, [4, 4]), "at least one image"),
+        (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4], ranges=ranges), "from 0 on, got \\[\\[0, 2\\], \\[-1, 1\\]\\]"),
+        (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4], ranges=ranges[0]), "ranges needs shape \\[N, 2\\], got \\[2\\]"),
+        (lambda: dr.rasterize(CONTEXT, pos.to("meta"), tri, [4, 4]), "runs on a CPU"),
+        (lambda: dr.interpolate(attr.expand(2, -1, -1), rast, tri), "attr needs shape \\[1, V, A\\], got \\[2, 6, 3\\]"),
+        (lambda: dr.interpolate(attr, rast, tri, rast_db[:, :2], diff_attrs="all"), "rast_db needs shape \\[1, 4, 4, 4\\]"),
+        (lambda: dr.interpolate(attr, rast, tri, rast_db, diff_attrs=[3]), "attributes below 3, got \\[3\\]"),
+        (lambda: dr.interpolate(attr, rast[..., :3], tri), "rast needs shape \\[N, H, W, 4\\], got \\[1, 4, 4, 3\\]"),
+        (lambda: dr.interpolate(attr, with_id(-1), tri), "ids from 0 on, got -1"),
+        (lambda: dr.interpolate(attr, with_id(float("nan")), tri), "ids from 0 on, got nan"),
+        (lambda: dr.interpolate(attr, with_id(9), tri), "at most the number of faces, 5, got 9"),
+        (lambda: dr.antialias(tex, rast, pos, tri), "color needs shape \\[1, 4, 4, C\\], got \\[1, 8, 8, 3\\]"),
+        (lambda: dr.antialias(to_cube, rast, pos.expand(2, -1, -1), tri), "pos needs shape \\[1, V, 4\\]"),
+        (lambda: dr.texture(tex.expand(2, -1, -1, -1), uv), "tex needs shape \\[1 or 3, H, W, C\\]"),
+        (lambda: dr.texture(tex, uv, uv.repeat(1, 1, 1, 2)[:1]), "uv_da needs shape \\[3, 4, 4, 4\\], got \\[1, 4, 4, 4\\]"),
+        (lambda: dr.texture(tex, uv, mip_level_bias=uv), "mip_level_bias needs shape \\[3, 4, 4\\]"),
+        (lambda: dr.texture(cube, to_cube), "uv needs shape \\[N, H, W, 2\\]"),
+        (lambda: dr.texture(tex, to_cube, boundary_mode="cube"), "tex needs shape \\[1, 6, S, S, C\\]"),
+        (lambda: dr.texture(tex, uv * float("nan")), "finite coordinates"),
     ]:
         with pytest.raises(ValueError, match=message):
             wrong()

@@ -9,7 +9,7 @@ Each operation returns its value and a function that pulls gradients back:
 >>> colors = np.eye(3)
 >>> surface, of_surface = bokashi.interpolate(colors, fragments)
 >>> surface.shape
-(16, 3)
+(8, 3)
 >>> colors_bar, barycentrics_bar, _, _ = of_surface(np.ones_like(surface))
 >>> (clip_bar,) = of_clip(barycentrics_bar)
 >>> clip_bar.shape
@@ -25,10 +25,12 @@ vertices, F faces, N fragments (the covered samples of an image), K pieces of ex
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Sequence
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._check import Slope, check
@@ -46,8 +48,13 @@ __all__ = [
 ]
 
 
+# The arrays of a call are of one type.
+_T = TypeVar("_T", np.float32, np.float64)
+_Array = TypeVar("_Array")
+
+
 @dataclass(frozen=True)
-class Fragments:
+class Fragments(Generic[_Array]):
     """The covered samples of an image.
 
     `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face, `weight`
@@ -55,50 +62,53 @@ class Fragments:
     positions that were rasterized. Fragments at pixel centres come first, then pieces.
     """
 
-    barycentrics: np.ndarray
-    weight: np.ndarray | None
-    clip: np.ndarray
+    barycentrics: _Array
+    weight: _Array | None
+    clip: _Array
     coverage: Coverage
 
     def __len__(self) -> int:
         return len(self.coverage)
 
     @property
-    def faces(self) -> np.ndarray:
+    def faces(self) -> NDArray[np.uint32]:
         """The face of each fragment, `[N]`."""
         return self.coverage.faces
 
     @property
-    def pixels(self) -> np.ndarray:
+    def pixels(self) -> NDArray[np.uint32]:
         """The pixel of each fragment, `[N]`: row times width plus column."""
         return self.coverage.pixels
 
     @property
-    def arrays(self) -> tuple:
+    def arrays(self) -> tuple[_Array, _Array, _Array | None]:
         """Barycentrics, clip positions and weights: what operations on fragments have gradients for."""
         return self.barycentrics, self.clip, self.weight
 
-    def replace(self, **fields) -> Fragments:
+    def replace(self, **fields: Any) -> Fragments[_Array]:
         """The same fragments with other arrays of the same shapes."""
         return replace(self, **fields)
 
 
-def _size(size) -> tuple[int, int]:
+def _size(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    return (size, size) if isinstance(size, int) else tuple(size)
+    height, width = (size, size) if isinstance(size, int) else size
+    return height, width
 
 
-def _like(value, array: np.ndarray) -> np.ndarray:
+def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
     return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
 
 
-def _only(recorded):
+def _only(recorded: tuple[tuple[NDArray[_T]], PullBack]) -> tuple[NDArray[_T], PullBack]:
     (value,), pull_back = recorded
     return value, pull_back
 
 
-def project(positions, camera, rotation=None, translation=None):
+def project(
+    positions: NDArray[_T], camera: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike | None = None
+) -> tuple[NDArray[_T], PullBack]:
     """Positions `[V, 3]` in clip space, `[V, 4]`: the camera matrix `[4, 4]` times the posed positions.
 
     The pose is a quaternion `[4]` (x, y, z, w) and a translation `[3]`. Gradients: of positions, camera, rotation and
@@ -108,7 +118,11 @@ def project(positions, camera, rotation=None, translation=None):
     return _only(_native.project(positions, _like(camera, positions), *optional))
 
 
-def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = (), crease_tolerance: float = 2e-3):
+def rasterize(
+    clip: NDArray[_T], mesh: Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
+    creases: Sequence[NDArray[_T] | tuple[NDArray[_T], Mesh | None]] = (),
+    crease_tolerance: float = 2e-3,
+) -> tuple[Fragments[NDArray[_T]], PullBack]:
     """The fragments of a mesh with vertices `clip` `[V, 4]`, in an image of `size` (height, width) or a square.
 
     `cull` is "none", "back" or "front". With `exact` pixels that a discontinuity crosses are resolved into pieces, each
@@ -120,14 +134,16 @@ def rasterize(clip, mesh: Mesh, size, *, cull: str = "none", exact: bool = False
     the creases' attributes, which get none).
     """
     height, width = _size(size)
-    creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    coverage, (barycentrics, *weight), pull_back = _native.rasterize(
-        clip, mesh, height, width, cull, exact, creases, crease_tolerance=crease_tolerance
+    pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
+    coverage, found, pull_back = _native.rasterize(
+        clip, mesh, height, width, cull, exact, pairs, crease_tolerance=crease_tolerance
     )
-    return Fragments(barycentrics, weight[0] if weight else None, clip, coverage), pull_back
+    return Fragments(found[0], found[1] if exact else None, clip, coverage), pull_back
 
 
-def interpolate(attributes, fragments: Fragments, mesh: Mesh | None = None):
+def interpolate(
+    attributes: NDArray[_T], fragments: Fragments[NDArray[_T]], mesh: Mesh | None = None
+) -> tuple[NDArray[_T], PullBack]:
     """Attributes at vertices, `[V, C]`, at each fragment: `[N, C]`.
 
     `mesh` is the attributes' own index buffer, where that is not the positions'. Gradients: of attributes,
@@ -136,12 +152,12 @@ def interpolate(attributes, fragments: Fragments, mesh: Mesh | None = None):
     return _only(_native.interpolate(attributes, *fragments.arrays, fragments.coverage, mesh))
 
 
-def depth(fragments: Fragments):
+def depth(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
     """z / w of each fragment, `[N]`, from -1 (near) to 1 (far). Gradients: of barycentrics, clip positions, weights."""
     return _only(_native.depth(*fragments.arrays, fragments.coverage))
 
 
-def differentials(fragments: Fragments):
+def differentials(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
     """How the barycentrics change from pixel to pixel, `[N, 2, 2]`: d/dx and d/dy of u and of v, y down.
 
     Gradients: of barycentrics, clip positions and weights.
@@ -149,7 +165,9 @@ def differentials(fragments: Fragments):
     return _only(_native.differentials(*fragments.arrays, fragments.coverage))
 
 
-def interpolate_differentials(attributes, fragments: Fragments, differentials, mesh: Mesh | None = None):
+def interpolate_differentials(
+    attributes: NDArray[_T], fragments: Fragments[NDArray[_T]], differentials: NDArray[_T], mesh: Mesh | None = None
+) -> tuple[NDArray[_T], PullBack]:
     """How interpolated attributes change from pixel to pixel, `[N, C, 2]`.
 
     Gradients: of attributes, differentials, barycentrics, clip positions and weights.
@@ -160,20 +178,21 @@ def interpolate_differentials(attributes, fragments: Fragments, differentials, m
     return _only(recorded)
 
 
-def picture(values, fragments: Fragments, background=None, *, antialias: bool = True, reference=None):
+def picture(
+    values: NDArray[_T], fragments: Fragments[NDArray[_T]], background: ArrayLike | None = None, *,
+    antialias: bool = True, reference: NDArray[_T] | None = None,
+) -> tuple[NDArray[_T], PullBack]:
     """The image `[H, W, C]` of fragments that look like `values` `[N, C]`, before a background `[C]` or `[H, W, C]`.
 
     Silhouettes are antialiased, unless coverage is exact. With a `reference` image: the sum of the squared errors, `[]`,
     at the cost of what is covered. Gradients: of values, background, barycentrics, clip positions, weights.
     """
-    background = background if background is None else _like(background, values)
-    recorded = _native.picture(
-        values, background, *fragments.arrays, fragments.coverage, antialias, reference
-    )
+    behind = background if background is None else _like(background, values)
+    recorded = _native.picture(values, behind, *fragments.arrays, fragments.coverage, antialias, reference)
     return _only(recorded)
 
 
-def antialias_image(image, fragments: Fragments):
+def antialias_image(image: NDArray[_T], fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
     """A dense image `[H, W, C]` with the silhouettes of the fragments' faces antialiased.
 
     Gradients: of the image, barycentrics (none) and clip positions.
@@ -183,27 +202,36 @@ def antialias_image(image, fragments: Fragments):
 
 
 def render(
-    positions, mesh: Mesh, colors, size, *, camera=None, background=None, color_mesh: Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference=None, crease_tolerance: float = 2e-3,
-):
+    positions: NDArray[_T], mesh: Mesh, colors: NDArray[_T], size: int | Sequence[int], *,
+    camera: ArrayLike | None = None, background: ArrayLike | None = None, color_mesh: Mesh | None = None,
+    cull: str = "none", silhouettes: str = "exact", reference: NDArray[_T] | None = None, crease_tolerance: float = 2e-3,
+) -> tuple[NDArray[_T], PullBack]:
     """A whole step: the image `[H, W, C]` of a mesh with colours at its vertices, `[V, C]`.
 
     `positions` are `[V, 3]` before a camera matrix `[4, 4]`, or without one `[V, 4]` in clip space. `silhouettes` are
     "exact", "antialias" or "aliased"; exact ones resolve creases that bend a pixel by more than `crease_tolerance`. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
     positions, camera, colors and background.
+
+    >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
+    >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
+    >>> image, _ = render(clip, mesh, np.ones((3, 1)), 8)
+    >>> float(image.sum().round(9))  # The area of the triangle in pixels: exactly.
+    8.8
+    >>> loss, pull_back = render(clip, mesh, np.ones((3, 1)), 8, reference=image)
+    >>> clip_bar, *_ = pull_back(np.ones(()))
+    >>> float(loss), float(abs(clip_bar).max())
+    (0.0, 0.0)
     """
     height, width = _size(size)
-    camera, background = [
-        value if value is None else _like(value, positions) for value in (camera, background)
-    ]
+    matrix, behind = [value if value is None else _like(value, positions) for value in (camera, background)]
     recorded = _native.render(
-        positions, camera, colors, background, mesh, height, width, color_mesh, cull, silhouettes, reference,
+        positions, matrix, colors, behind, mesh, height, width, color_mesh, cull, silhouettes, reference,
         crease_tolerance,
     )
     return _only(recorded)
 
 
-def mipmaps(texels, coarsest: int | None = None):
+def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDArray[_T], ...], PullBack]:
     """The coarser levels of texels `[H, W, C]`, or of a cube map's `[6, S, S, C]`: a tuple, each half as large.
 
     The last is a single texel, or level `coarsest`. Gradients: of the texels.
@@ -211,7 +239,11 @@ def mipmaps(texels, coarsest: int | None = None):
     return _native.mipmaps(texels, coarsest)
 
 
-def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
+def _sample(
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T], coordinates: NDArray[_T],
+    level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
+    border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
+) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
@@ -223,9 +255,11 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
 
 
 def sample_texture(
-    texels, coordinates, *, level=None, differentials=None, bias=None, filter: str = "trilinear", border="wrap",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: NDArray[_T], coordinates: NDArray[_T], *, level: ArrayLike | None = None,
+    differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
+    border: str | Sequence[str] = "wrap", coarsest: int | None = None, probes: int = 8,
+    mips: Sequence[NDArray[_T]] | None = None,
+) -> tuple[NDArray[_T], PullBack]:
     """Samples of texels `[H, W, C]` at coordinates (u, v), `[N, 2]`; (0, 0) is the upper left corner: `[N, C]`.
 
     The level of detail is `level` (`[N]` or a number), or follows from `differentials` `[N, 2, 2]` of the coordinates and a
@@ -239,9 +273,10 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels, directions, *, level=None, differentials=None, bias=None, filter: str = "trilinear",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: NDArray[_T], directions: NDArray[_T], *, level: ArrayLike | None = None,
+    differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
+    coarsest: int | None = None, probes: int = 8, mips: Sequence[NDArray[_T]] | None = None,
+) -> tuple[NDArray[_T], PullBack]:
     """Samples of a cube map's texels `[6, S, S, C]` in directions `[N, 3]`: `[N, C]`. As `sample_texture`."""
     return _sample(
         _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
@@ -249,8 +284,9 @@ def sample_cube_map(
 
 
 def gaussian_blur(
-    image, sigma, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6, radius: int | None = None
-):
+    image: NDArray[_T], sigma: ArrayLike, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
+    radius: int | None = None,
+) -> tuple[NDArray[_T], PullBack]:
     """An image `[H, W, C]` blurred with standard deviation `sigma` in pixels, a number or `[]`.
 
     `kernel` is "sampled", "discrete", "unnormalized" or "disc"; `border` "mirror", "clamp" or "zero". The window misses at
@@ -259,42 +295,44 @@ def gaussian_blur(
     return _only(_native.gaussian_blur(image, _like(sigma, image), kernel, border, tolerance, radius))
 
 
-def downsample(image, factor: int):
+def downsample(image: NDArray[_T], factor: int) -> tuple[NDArray[_T], PullBack]:
     """The means of blocks of `factor` by `factor` pixels. Gradients: of the image."""
     return _only(_native.downsample(image, factor))
 
 
-def face_normals(positions, mesh: Mesh):
+def face_normals(positions: NDArray[_T], mesh: Mesh) -> tuple[NDArray[_T], PullBack]:
     """The normal of each face, `[F, 3]`, of length 1. Gradients: of positions `[V, 3]`."""
     return _only(_native.face_normals(positions, mesh))
 
 
-def vertex_normals(positions, mesh: Mesh, weighting: str = "angle"):
+def vertex_normals(
+    positions: NDArray[_T], mesh: Mesh, weighting: str = "angle"
+) -> tuple[NDArray[_T], PullBack]:
     """The normal at each vertex, `[V, 3]`: the mean of its faces', by "angle" or "area". Gradients: of positions."""
     return _only(_native.vertex_normals(positions, mesh, weighting))
 
 
-def srgb_encode(x):
+def srgb_encode(x: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """sRGB numbers of linear ones. Gradients: of the input."""
     return _only(_native.srgb_encode(x))
 
 
-def srgb_decode(y):
+def srgb_decode(y: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """Linear numbers of sRGB ones. Gradients: of the input."""
     return _only(_native.srgb_decode(y))
 
 
-def exposure(image, stops):
+def exposure(image: NDArray[_T], stops: ArrayLike) -> tuple[NDArray[_T], PullBack]:
     """An image times 2 to the power of `stops`, a number or `[]`. Gradients: of image and stops."""
     return _only(_native.exposure(image, _like(stops, image)))
 
 
-def over(front, back):
+def over(front: NDArray[_T], back: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """Premultiplied colours with alpha, `[.., 4]`, before others. Gradients: of both."""
     return _only(_native.over(front, back))
 
 
-def reflect(directions, normals):
+def reflect(directions: NDArray[_T], normals: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """Directions `[N, 3]` mirrored at surfaces with normals `[N, 3]`. Gradients: of both."""
     return _only(_native.reflect(directions, normals))
 

@@ -18,7 +18,7 @@ class Slope:
 
     @property
     def is_right(self) -> bool:
-        return abs(self.pulled - self.quotient) <= self.error
+        return bool(abs(self.pulled - self.quotient) <= self.error)
 
 
 def check(function, *arrays, directions: int = 3, step: float = 1e-5, seed: int = 0) -> list[Slope]:

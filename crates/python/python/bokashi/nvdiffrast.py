@@ -3,6 +3,17 @@
 Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u, v,
 z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
 
+>>> import torch, bokashi.nvdiffrast as dr
+>>> context = dr.RasterizeCudaContext()
+>>> pos = torch.tensor([[[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]]], requires_grad=True)
+>>> tri = torch.tensor([[0, 1, 2]], dtype=torch.int32)
+>>> rast, _ = dr.rasterize(context, pos, tri, resolution=[8, 8])
+>>> color, _ = dr.interpolate(torch.eye(3)[None], rast, tri)
+>>> image = dr.antialias(color, rast, pos, tri)
+>>> image.square().sum().backward()
+>>> image.shape, pos.grad.shape
+(torch.Size([1, 8, 8, 3]), torch.Size([1, 3, 4]))
+
 What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an error,
 antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their index.
 """
@@ -10,9 +21,12 @@ antialiasing never leaves the range of the pixels that it mixes, and faces of eq
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from . import Coverage, Mesh, RenderError, _native
@@ -27,21 +41,21 @@ __all__ = [
 class RasterizeCudaContext:
     """A name alone: there is no device."""
 
-    def __init__(self, device=None):
+    def __init__(self, device: Any = None) -> None:
         del device
 
 
 class RasterizeGLContext:
     """A name alone: there is no device."""
 
-    def __init__(self, output_db: bool = True, mode: str = "automatic", device=None):
+    def __init__(self, output_db: bool = True, mode: str = "automatic", device: Any = None) -> None:
         del mode, device
         self.output_db = output_db
 
-    def set_context(self):
+    def set_context(self) -> None:
         """Does nothing."""
 
-    def release_context(self):
+    def release_context(self) -> None:
         """Does nothing."""
 
 
@@ -50,7 +64,7 @@ def get_log_level() -> int:
     return _log_level[0]
 
 
-def set_log_level(level: int):
+def set_log_level(level: int) -> None:
     """Keeps the level: nothing is logged."""
     _log_level[0] = level
 
@@ -61,15 +75,16 @@ _log_level = [1]
 class _Cache:
     """Values that belong to tensors: not on them, so that they can be saved, and gone with them."""
 
-    def __init__(self):
-        self.known = {}
+    def __init__(self) -> None:
+        self.known: dict[int, tuple[Any, int, dict]] = {}
 
-    def get(self, tensor, key, make):
+    def get(self, tensor: Tensor, key: Any, make: Callable[[], Any]) -> Any:
         """The value of a tensor as it is now, made where it is not known."""
         known = self.known.get(id(tensor))
         if known is None or known[0]() is not tensor or known[1] != tensor._version:
-            reference = weakref.ref(tensor, lambda _, name=id(tensor): self.known.pop(name, None))
-            known = self.known[id(tensor)] = (reference, tensor._version, {})
+            name = id(tensor)
+            reference = weakref.ref(tensor, lambda _: self.known.pop(name, None))
+            known = self.known[name] = (reference, tensor._version, {})
         values = known[2]
         if key not in values:
             values[key] = make()
@@ -79,11 +94,33 @@ class _Cache:
 _meshes, _coverages = _Cache(), _Cache()
 
 
-def _mesh(tri, vertex_count: int) -> Mesh:
+def _mesh(tri: Tensor, vertex_count: int) -> Mesh:
     """The mesh of an index buffer, checked once."""
     if tri.dtype != torch.int32 or tri.dim() != 2 or tri.shape[1] != 3:
         raise RenderError(f"tri needs shape [T, 3] and dtype int32, got {list(tri.shape)} and {tri.dtype}")
     return _meshes.get(tri, vertex_count, lambda: Mesh(_to_array(tri), vertex_count))
+
+
+def _require(name: str, tensor: Tensor, *shape: int | str | tuple[int, ...]) -> None:
+    """Refuses a tensor of another shape. An axis is a number, one of several, or any under a name."""
+    given = tensor.shape
+    is_met = len(given) == len(shape)
+    for axis, extent in zip(shape, given):
+        # In the order of how often it is true: this is called in every step.
+        if axis != extent and not isinstance(axis, str) and not (isinstance(axis, tuple) and extent in axis):
+            is_met = False
+    if not is_met:
+        words = [" or ".join(map(str, sorted(set(axis)))) if isinstance(axis, tuple) else str(axis) for axis in shape]
+        raise RenderError(f"{name} needs shape [{', '.join(words)}], got {list(given)}")
+
+
+def _ids(rast: Tensor) -> np.ndarray:
+    """The triangle ids of images, `[N, H, W]`."""
+    _require("rast", rast, "N", "H", "W", 4)
+    ids = _to_array(rast)[..., 3]
+    if not (ids >= 0).all():
+        raise RenderError(f"rast needs triangle ids from 0 on, got {ids[~(ids >= 0)][0]}")
+    return ids.astype(np.uint32)
 
 
 def _upside_down(positions: np.ndarray) -> np.ndarray:
@@ -96,24 +133,31 @@ def _upside_down(positions: np.ndarray) -> np.ndarray:
 class _Images:
     """What was drawn: a mesh, its clip positions upside down and its first face for each image."""
 
-    def __init__(self, pos, tri, ranges=None):
+    def __init__(self, pos: Tensor, tri: Tensor, ranges: Tensor | None = None) -> None:
         positions = _to_array(pos)
         self.pos, self.version = weakref.ref(pos), pos._version
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
-            mesh = _mesh(tri, positions.shape[1])
+            self.mesh = _mesh(tri, positions.shape[1])
             self.clips = list(_upside_down(positions))
-            self.parts = [(mesh, 0)] * len(self.clips)
+            self.parts = [(self.mesh, 0)] * len(self.clips)
         elif positions.ndim == 2 and ranges is not None and positions.shape[1] == 4:
-            mesh = _mesh(tri, positions.shape[0])
-            starts = [(int(start), int(start + count)) for start, count in ranges.tolist()]
-            self.parts = [(mesh.part(start, end), start) for start, end in starts]
+            _require("ranges", ranges, "N", 2)
+            self.mesh = _mesh(tri, positions.shape[0])
+            starts = [(int(start), int(count)) for start, count in ranges.tolist()]
+            if any(start < 0 or count < 0 for start, count in starts):
+                raise RenderError(f"ranges need starts and counts from 0 on, got {ranges.tolist()}")
+            self.parts = [(self.mesh.part(start, start + count), start) for start, count in starts]
             self.clips = [_upside_down(positions)] * len(starts)
         else:
             given = list(positions.shape)
             raise RenderError(f"pos needs shape [N, V, 4], or with ranges [V, 4], got {given}")
+        if not self.clips:
+            raise RenderError("a batch needs at least one image, got none")
+        if positions.dtype == np.float32 and len(self.mesh) > 2**24:
+            raise RenderError(f"float32 has ids for at most {2**24} faces, got {len(self.mesh)}")
         self.is_shared = positions.ndim == 2
 
-    def add_up(self, bars) -> torch.Tensor | None:
+    def add_up(self, bars: list) -> Tensor | None:
         """The gradient of the positions from those of the images' clip positions."""
         if all(bar is None for bar in bars):
             return None
@@ -164,12 +208,15 @@ class _Rasterize(torch.autograd.Function):
         return ctx.images.add_up(bars), None, None, None, None, None
 
 
-def _stack(images: list) -> torch.Tensor:
+def _stack(images: list[Tensor]) -> Tensor:
     """Images in one array; that of a single image is not copied."""
     return images[0][None] if len(images) == 1 else torch.stack(images)
 
 
-def _rasterize(pos, tri, resolution, ranges, grad_db, fronts=None):
+def _rasterize(
+    pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None, grad_db: bool,
+    fronts: list[Coverage] | None = None,
+) -> tuple[Tensor, Tensor]:
     images = _Images(pos, tri, ranges)
     found: list[Coverage] = []
     rast, rast_db = _Rasterize.apply(pos, images, tuple(resolution), grad_db, fronts, found)
@@ -177,7 +224,9 @@ def _rasterize(pos, tri, resolution, ranges, grad_db, fronts=None):
     return rast, rast_db
 
 
-def rasterize(glctx, pos, tri, resolution, ranges=None, grad_db=True):
+def rasterize(
+    glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None, grad_db: bool = True
+) -> tuple[Tensor, Tensor]:
     """`rast` `[N, H, W, 4]`, (u, v, z/w, triangle id + 1), and `rast_db` `[N, H, W, 4]`, (du/dX, du/dY, dv/dX, dv/dY).
 
     `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u and v,
@@ -190,30 +239,33 @@ def rasterize(glctx, pos, tri, resolution, ranges=None, grad_db=True):
 class DepthPeeler:
     """Layer after layer of what lies behind a pixel: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
 
-    def __init__(self, glctx, pos, tri, resolution, ranges=None, grad_db=True):
+    def __init__(
+        self, glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None,
+        grad_db: bool = True,
+    ) -> None:
         del glctx
         self.call = pos, tri, resolution, ranges, grad_db
-        self.fronts = None
+        self.fronts: list[Coverage] | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> DepthPeeler:
         return self
 
-    def __exit__(self, *args):
+    def __exit__(self, *args: object) -> None:
         self.fronts = None
 
-    def rasterize_next_layer(self):
+    def rasterize_next_layer(self) -> tuple[Tensor, Tensor]:
         """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
         rast, rast_db = _rasterize(*self.call, self.fronts)
         _, self.fronts = _drawn(rast)
         return rast, rast_db
 
 
-def _drawn(rast):
+def _drawn(rast: Tensor) -> Any:
     """Meshes and coverages of what `rasterize` returned, where that is the tensor itself."""
     return _coverages.get(rast, "drawn", lambda: None)
 
 
-def _coverage_of(rast, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
+def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
     """The coverage of each image, with its part of a mesh: that of `rasterize`, or where the tensor is another one, that of
     its ids."""
     drawn = _drawn(rast)
@@ -225,8 +277,7 @@ def _coverage_of(rast, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
         return list(zip(found, parts))
 
     def read():
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
-        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in ids]
+        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in _ids(rast)]
 
     return _coverages.get(rast, ("ids", mesh), read)
 
@@ -284,7 +335,9 @@ class _Interpolate(torch.autograd.Function):
                 moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), -1, 2)
                 more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
                 if own is not None and more is not None:
-                    own[:, ctx.which] += more
+                    # One by one: an attribute may be chosen twice.
+                    for column, attribute in enumerate(ctx.which):
+                        own[:, attribute] += more[:, column]
                 if wants_db:
                     db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(-1, 4))))
         return (
@@ -293,18 +346,29 @@ class _Interpolate(torch.autograd.Function):
         )
 
 
-def interpolate(attr, rast, tri, rast_db=None, diff_attrs=None):
+def interpolate(
+    attr: Tensor, rast: Tensor, tri: Tensor, rast_db: Tensor | None = None,
+    diff_attrs: Sequence[int] | str | None = None,
+) -> tuple[Tensor, Tensor]:
     """Attributes `[N, V, A]`, `[1, V, A]` or `[V, A]` at pixels, `[N, H, W, A]`, zeros where nothing is seen.
 
     `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted: they are the
     second result, `[N, H, W, 2 K]`, and need `rast_db`.
     """
+    if attr.dim() != 2:
+        _require("attr", attr, (1, rast.shape[0]), "V", "A")
     which = None
-    if diff_attrs is not None:
+    # No attributes are as none.
+    if diff_attrs is not None and len(diff_attrs):
         if rast_db is None:
             raise RenderError("interpolate needs rast_db for diff_attrs, got None")
+        _require("rast_db", rast_db, *rast.shape)
         channels = attr.shape[-1]
+        if isinstance(diff_attrs, str) and diff_attrs != "all":
+            raise RenderError(f'diff_attrs need to be a list of attributes or "all", got "{diff_attrs}"')
         which = list(range(channels)) if isinstance(diff_attrs, str) else [int(k) for k in diff_attrs]
+        if not all(0 <= k < channels for k in which):
+            raise RenderError(f"diff_attrs need to be attributes below {channels}, got {which}")
     mesh = _mesh(tri, attr.shape[-2])
     coverages = _coverage_of(rast, mesh)
     return _Interpolate.apply(attr, rast, rast_db if which is not None else None, coverages, which)
@@ -377,11 +441,11 @@ class _Texture(torch.autograd.Function):
 class _Mipmaps:
     """Coarser levels of a texture that were made once."""
 
-    def __init__(self, levels):
+    def __init__(self, levels: list[Tensor]) -> None:
         self.levels = levels
 
 
-def texture_construct_mip(tex, max_mip_level=None, cube_mode=False):
+def texture_construct_mip(tex: Tensor, max_mip_level: int | None = None, cube_mode: bool = False) -> _Mipmaps:
     """The coarser levels of a texture `[N, H, W, C]`, or with `cube_mode` `[N, 6, H, W, C]`, for `texture`'s `mip`."""
     del cube_mode
     from .torch import mipmaps
@@ -396,8 +460,10 @@ _FILTERS = {
 
 
 def texture(
-    tex, uv, uv_da=None, mip_level_bias=None, mip=None, filter_mode="auto", boundary_mode="wrap", max_mip_level=None
-):
+    tex: Tensor, uv: Tensor, uv_da: Tensor | None = None, mip_level_bias: Tensor | None = None,
+    mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
+    max_mip_level: int | None = None,
+) -> Tensor:
     """Samples of `tex` `[N, H, W, C]`, or for `boundary_mode="cube"` `[N, 6, S, S, C]`, at `uv` `[N, H, W, 2]` (3): `[N, H, W, C]`.
 
     `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or "linear-mipmap-linear"; `boundary_mode` "wrap",
@@ -414,10 +480,18 @@ def texture(
     uses_levels = "mipmap" in filter_mode
     if uses_levels and not has_detail:
         raise RenderError(f"{filter_mode} needs uv_da or mip_level_bias, got neither")
+    _require("uv", uv, "N", "H", "W", 3 if is_cube else 2)
+    images, height, width, axes = uv.shape
     levels = [tex]
     if uses_levels and mip is not None:
         levels += list(mip.levels if isinstance(mip, _Mipmaps) else mip)
-    sampler = {"filter": _FILTERS[filter_mode]}
+    for level in levels:
+        _require("tex", level, (1, images), *((6, "S", "S", "C") if is_cube else ("H", "W", "C")))
+    if uses_levels and uv_da is not None:
+        _require("uv_da", uv_da, images, height, width, 2 * axes)
+    if uses_levels and mip_level_bias is not None:
+        _require("mip_level_bias", mip_level_bias, images, height, width)
+    sampler: dict[str, Any] = {"filter": _FILTERS[filter_mode]}
     sampler["borders"] = ("wrap", "wrap") if is_cube else (boundary_mode, boundary_mode)
     if max_mip_level is not None:
         sampler["coarsest"] = max_mip_level
@@ -425,7 +499,7 @@ def texture(
     return _Texture.apply(uv, *detail, sampler, uses_levels and mip is None, *levels)
 
 
-def antialias_construct_topology_hash(tri):
+def antialias_construct_topology_hash(tri: Tensor) -> Any:
     """The neighbours of faces: they are found once per index buffer in any case."""
     return tri
 
@@ -461,19 +535,25 @@ class _Antialias(torch.autograd.Function):
         return _stack(color_bars) if wants_color else None, pos_bar, None, None, None
 
 
-def antialias(color, rast, pos, tri, topology_hash=None, pos_gradient_boost=1.0):
+def antialias(
+    color: Tensor, rast: Tensor, pos: Tensor, tri: Tensor, topology_hash: Any = None, pos_gradient_boost: float = 1.0
+) -> Tensor:
     """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
     del topology_hash
+    _require("color", color, *rast.shape[:3], "C")
+    _require("pos", pos, *(("V", 4) if pos.dim() == 2 else (rast.shape[0], "V", 4)))
     drawn = _drawn(rast)
-    if drawn is not None and drawn[0].are_at(pos):
-        return _Antialias.apply(color, pos, *drawn, pos_gradient_boost)
+    if drawn is not None:
+        images, coverages = drawn
+        # Silhouettes are those of `tri`, not of a range of it.
+        if not images.is_shared and images.are_at(pos) and _mesh(tri, pos.shape[-2]) is images.mesh:
+            return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
+    ids = _ids(rast)
     if pos.dim() == 2:
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
         images = _Images(pos[None].expand(len(ids), -1, -1), tri)
         images.is_shared = True
     else:
         images = _Images(pos, tri)
-        ids = _to_array(rast)[..., 3].astype(np.uint32)
     mesh = images.parts[0][0]
     coverages = [
         Coverage.from_ids(mesh, np.ascontiguousarray(image), clip) for image, clip in zip(ids, images.clips)

@@ -18,10 +18,12 @@ and pull-back.
 
 from __future__ import annotations
 
-from typing import Callable, Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, Union
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set_num_threads
@@ -37,7 +39,11 @@ __all__ = [
 ]
 
 
-def _to_array(tensor):
+# A tensor, or what becomes one of the type of the others.
+Value = Union[Tensor, float, Sequence]
+
+
+def _to_array(tensor: Tensor | None) -> Any:
     """The numbers of a tensor, not copied unless it is not contiguous."""
     if tensor is None:
         return None
@@ -46,7 +52,7 @@ def _to_array(tensor):
     return tensor.detach().contiguous().numpy()
 
 
-def _to_tensor(array):
+def _to_tensor(array: Any) -> Tensor | None:
     return None if array is None else torch.from_numpy(array)
 
 
@@ -68,70 +74,87 @@ class _Recorded(torch.autograd.Function):
 
 
 @torch.compiler.disable
-def _record(run: Callable, *tensors) -> tuple:
+def _record(run: Callable, *tensors: Tensor | None) -> tuple[Tensor, ...]:
     """The outputs of a step. Tensors are in the order of the native function's inputs."""
     return _Recorded.apply(run, *tensors)
 
 
-def _only(run: Callable, *tensors):
+def _only(run: Callable, *tensors: Tensor | None) -> Tensor:
     (value,) = _record(run, *tensors)
     return value
 
 
-def _like(value, tensor):
+def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
     """A number as a tensor of the type of another; tensors and `None` stay as they are."""
     return value if value is None or isinstance(value, torch.Tensor) else torch.as_tensor(value, dtype=tensor.dtype)
 
 
-def Mesh(faces, vertex_count: int) -> _Mesh:
+def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, a tensor or an array of int32 or int64."""
     return _Mesh(faces.numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
 
 
-def project(positions, camera, rotation=None, translation=None):
+def project(
+    positions: Tensor, camera: Value, rotation: Value | None = None, translation: Value | None = None
+) -> Tensor:
     """As `bokashi.project`."""
     optional = [_like(value, positions) for value in (rotation, translation)]
     return _only(_native.project, positions, _like(camera, positions), *optional)
 
 
 def rasterize(
-    clip, mesh: _Mesh, size, *, cull: str = "none", exact: bool = False, creases: Sequence = (),
+    clip: Tensor, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
+    creases: Sequence[Tensor | tuple[Tensor, _Mesh | None]] = (),
     crease_tolerance: float = 2e-3,
-) -> Fragments:
+) -> Fragments[Tensor]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
     height, width = _size(size)
-    creases = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    meshes = [mesh for _, mesh in creases]
-    found = None
+    pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
+    meshes = [mesh for _, mesh in pairs]
+    found: list[Coverage] = []
 
     def run(clip, *attributes):
-        nonlocal found
-        found, outputs, pull_back = _native.rasterize(
+        coverage, outputs, pull_back = _native.rasterize(
             clip, mesh, height, width, cull, exact, list(zip(attributes, meshes)), crease_tolerance=crease_tolerance
         )
+        found.append(coverage)
         return outputs, pull_back
 
-    barycentrics, *weight = _record(run, clip, *[values.detach() for values, _ in creases])
-    return Fragments(barycentrics, weight[0] if weight else None, clip, found)
+    barycentrics, *weight = _record(run, clip, *[values.detach() for values, _ in pairs])
+    return Fragments(barycentrics, weight[0] if weight else None, clip, found[0])
 
 
-def interpolate(attributes, fragments: Fragments, mesh: _Mesh | None = None):
+def interpolate(attributes: Tensor, fragments: Fragments[Tensor], mesh: _Mesh | None = None) -> Tensor:
     """As `bokashi.interpolate`."""
     coverage = fragments.coverage
-    return _only(lambda *x: _native.interpolate(*x, coverage, mesh), attributes, *fragments.arrays)
+
+    def run(*x):
+        return _native.interpolate(*x, coverage, mesh)
+
+    return _only(run, attributes, *fragments.arrays)
 
 
-def depth(fragments: Fragments):
+def depth(fragments: Fragments[Tensor]) -> Tensor:
     """As `bokashi.depth`."""
-    return _only(lambda *x: _native.depth(*x, fragments.coverage), *fragments.arrays)
+
+    def run(*x):
+        return _native.depth(*x, fragments.coverage)
+
+    return _only(run, *fragments.arrays)
 
 
-def differentials(fragments: Fragments):
+def differentials(fragments: Fragments[Tensor]) -> Tensor:
     """As `bokashi.differentials`."""
-    return _only(lambda *x: _native.differentials(*x, fragments.coverage), *fragments.arrays)
+
+    def run(*x):
+        return _native.differentials(*x, fragments.coverage)
+
+    return _only(run, *fragments.arrays)
 
 
-def interpolate_differentials(attributes, fragments: Fragments, differentials, mesh: _Mesh | None = None):
+def interpolate_differentials(
+    attributes: Tensor, fragments: Fragments[Tensor], differentials: Tensor, mesh: _Mesh | None = None
+) -> Tensor:
     """As `bokashi.interpolate_differentials`."""
     coverage = fragments.coverage
 
@@ -141,7 +164,10 @@ def interpolate_differentials(attributes, fragments: Fragments, differentials, m
     return _only(run, attributes, differentials, *fragments.arrays)
 
 
-def picture(values, fragments: Fragments, background=None, *, antialias: bool = True, reference=None):
+def picture(
+    values: Tensor, fragments: Fragments[Tensor], background: Value | None = None, *, antialias: bool = True,
+    reference: Tensor | None = None,
+) -> Tensor:
     """As `bokashi.picture`: an image, or with a `reference` a loss."""
     coverage = fragments.coverage
     reference = _to_array(reference)
@@ -154,7 +180,7 @@ def picture(values, fragments: Fragments, background=None, *, antialias: bool = 
     return _only(_with_spare(run, reference), *tensors)
 
 
-def _with_spare(run: Callable, *spare):
+def _with_spare(run: Callable, *spare: Any) -> Callable:
     """A step with further inputs that have no gradient."""
 
     def run_with(*arrays):
@@ -169,7 +195,7 @@ def _with_spare(run: Callable, *spare):
     return run_with
 
 
-def antialias_image(image, fragments: Fragments):
+def antialias_image(image: Tensor, fragments: Fragments[Tensor]) -> Tensor:
     """As `bokashi.antialias_image`."""
     coverage = fragments.coverage
 
@@ -187,9 +213,10 @@ def antialias_image(image, fragments: Fragments):
 
 
 def render(
-    positions, mesh: _Mesh, colors, size, *, camera=None, background=None, color_mesh: _Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference=None, crease_tolerance: float = 2e-3,
-):
+    positions: Tensor, mesh: _Mesh, colors: Tensor, size: int | Sequence[int], *, camera: Value | None = None,
+    background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
+    reference: Tensor | None = None, crease_tolerance: float = 2e-3,
+) -> Tensor:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
     height, width = _size(size)
     reference = _to_array(reference)
@@ -204,16 +231,27 @@ def render(
 
 
 class Renderer(torch.nn.Module):
-    """`render` as a module: a mesh, an image size and how silhouettes look."""
+    """`render` as a module: a mesh, an image size and how silhouettes look.
+
+    >>> renderer = Renderer(Mesh(torch.tensor([[0, 1, 2]]), 3), 8)
+    >>> clip = torch.tensor([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]], requires_grad=True)
+    >>> renderer(clip, torch.ones(3, 1), reference=torch.zeros(8, 8, 1)).backward()
+    >>> bool(clip.grad[2, 1] > 0)  # A taller triangle is further from black.
+    True
+    """
 
     def __init__(
-        self, mesh: _Mesh, size, *, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact"
-    ):
+        self, mesh: _Mesh, size: int | Sequence[int], *, color_mesh: _Mesh | None = None, cull: str = "none",
+        silhouettes: str = "exact",
+    ) -> None:
         super().__init__()
         self.mesh, self.size, self.color_mesh = mesh, _size(size), color_mesh
         self.cull, self.silhouettes = cull, silhouettes
 
-    def forward(self, positions, colors, camera=None, background=None, reference=None):
+    def forward(
+        self, positions: Tensor, colors: Tensor, camera: Value | None = None, background: Value | None = None,
+        reference: Tensor | None = None,
+    ) -> Tensor:
         """The image of positions and colours, or with a reference image the sum of the squared errors."""
         return render(
             positions, self.mesh, colors, self.size, camera=camera, background=background, color_mesh=self.color_mesh,
@@ -224,7 +262,7 @@ class Renderer(torch.nn.Module):
         return f"{self.mesh!r}, size={self.size}, cull={self.cull!r}, silhouettes={self.silhouettes!r}"
 
 
-def mipmaps(texels, coarsest: int | None = None) -> tuple:
+def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
     """As `bokashi.mipmaps`."""
     return _record(lambda texels: _native.mipmaps(texels, coarsest), texels)
 
@@ -243,9 +281,10 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
 
 
 def sample_texture(
-    texels, coordinates, *, level=None, differentials=None, bias=None, filter: str = "trilinear", border="wrap",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: Tensor, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
+    coarsest: int | None = None, probes: int = 8, mips: Sequence[Tensor] | None = None,
+) -> Tensor:
     """As `bokashi.sample_texture`."""
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -253,9 +292,10 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels, directions, *, level=None, differentials=None, bias=None, filter: str = "trilinear",
-    coarsest: int | None = None, probes: int = 8, mips=None,
-):
+    texels: Tensor, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
+    mips: Sequence[Tensor] | None = None,
+) -> Tensor:
     """As `bokashi.sample_cube_map`."""
     return _sample(
         _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
@@ -263,48 +303,53 @@ def sample_cube_map(
 
 
 def gaussian_blur(
-    image, sigma, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6, radius: int | None = None
-):
+    image: Tensor, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
+    radius: int | None = None,
+) -> Tensor:
     """As `bokashi.gaussian_blur`."""
-    return _only(lambda *x: _native.gaussian_blur(*x, kernel, border, tolerance, radius), image, _like(sigma, image))
+
+    def run(image, sigma):
+        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
+
+    return _only(run, image, _like(sigma, image))
 
 
-def downsample(image, factor: int):
+def downsample(image: Tensor, factor: int) -> Tensor:
     """As `bokashi.downsample`."""
     return _only(lambda x: _native.downsample(x, factor), image)
 
 
-def face_normals(positions, mesh: _Mesh):
+def face_normals(positions: Tensor, mesh: _Mesh) -> Tensor:
     """As `bokashi.face_normals`."""
     return _only(lambda x: _native.face_normals(x, mesh), positions)
 
 
-def vertex_normals(positions, mesh: _Mesh, weighting: str = "angle"):
+def vertex_normals(positions: Tensor, mesh: _Mesh, weighting: str = "angle") -> Tensor:
     """As `bokashi.vertex_normals`."""
     return _only(lambda x: _native.vertex_normals(x, mesh, weighting), positions)
 
 
-def srgb_encode(x):
+def srgb_encode(x: Tensor) -> Tensor:
     """As `bokashi.srgb_encode`."""
     return _only(_native.srgb_encode, x)
 
 
-def srgb_decode(y):
+def srgb_decode(y: Tensor) -> Tensor:
     """As `bokashi.srgb_decode`."""
     return _only(_native.srgb_decode, y)
 
 
-def exposure(image, stops):
+def exposure(image: Tensor, stops: Value) -> Tensor:
     """As `bokashi.exposure`."""
     return _only(_native.exposure, image, _like(stops, image))
 
 
-def over(front, back):
+def over(front: Tensor, back: Tensor) -> Tensor:
     """As `bokashi.over`."""
     return _only(_native.over, front, back)
 
 
-def reflect(directions, normals):
+def reflect(directions: Tensor, normals: Tensor) -> Tensor:
     """As `bokashi.reflect`."""
     return _only(_native.reflect, directions, normals)
 
