@@ -1,12 +1,15 @@
 //! Arrays of numpy, of `float32` or `float64`.
 
-use bokashi_core::{Scalar, Tape};
+use std::sync::Mutex;
+
+use bokashi_core::{Recording, Scalar, Tape, Tensor};
 use numpy::{
-    Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use std::sync::Mutex;
+use smallvec::SmallVec;
 
 /// A type of numbers that numpy and the tape share.
 pub trait Number: Scalar + Element + Send + Sync {
@@ -20,7 +23,7 @@ pub trait Number: Scalar + Element + Send + Sync {
     fn numbers<'a, 'py>(array: &'a Array<'py>) -> Option<&'a PyReadonlyArrayDyn<'py, Self>>;
 
     /// The recording of this type.
-    fn pull_back(recording: bokashi_core::Recording<Self>) -> crate::pull_back::Kind;
+    fn pull_back(recording: Recording<Self>) -> Kind;
 }
 
 macro_rules! number {
@@ -42,8 +45,8 @@ macro_rules! number {
                 }
             }
 
-            fn pull_back(recording: bokashi_core::Recording<Self>) -> crate::pull_back::Kind {
-                crate::pull_back::Kind::$kind(Mutex::new(recording))
+            fn pull_back(recording: Recording<Self>) -> Kind {
+                Kind::$kind(Mutex::new(recording))
             }
         }
     };
@@ -51,6 +54,14 @@ macro_rules! number {
 
 number!(f32, "float32", Single);
 number!(f64, "float64", Double);
+
+/// A recording of either type of numbers.
+pub enum Kind {
+    /// Of `float32`.
+    Single(Mutex<Recording<f32>>),
+    /// Of `float64`.
+    Double(Mutex<Recording<f64>>),
+}
 
 /// An array in the order of C. One that is not gets a copy that is.
 pub enum Array<'py> {
@@ -113,6 +124,15 @@ impl<'py> Array<'py> {
             Self::Double(_) => f64::NAME,
         }
     }
+}
+
+/// A tensor as an array of its own.
+pub fn to_array<T: Number>(
+    py: Python<'_>,
+    tensor: Tensor<T>,
+) -> PyResult<Bound<'_, PyArrayDyn<T>>> {
+    let shape: SmallVec<[usize; 4]> = tensor.shape().iter().copied().collect();
+    PyArray1::from_vec(py, Vec::from(tensor)).reshape(&shape[..])
 }
 
 /// Runs `$body` with the type of numbers that `$array` has, as `$number`.

@@ -7,8 +7,7 @@ use pyo3::prelude::*;
 use smallvec::smallvec;
 
 use crate::array::{Array, by_type};
-use crate::operations::Recorded;
-use crate::step::record;
+use crate::step::{Recorded, record};
 
 /// A matrix `[4, 4]` that stays as it is.
 fn matrix(array: &Array<'_>) -> PyResult<DMat4> {
@@ -59,34 +58,3 @@ macro_rules! projections {
 }
 
 projections! { pinhole orthographic }
-
-/// Operations on arrays with a matrix or coefficients.
-macro_rules! of_arrays {
-    ($($name:ident($($input:ident),+);)+) => {$(
-        #[pyfunction]
-        pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
-            let inputs = [$(Some(&$input)),+];
-            let first: &Array<'_> = inputs[0].expect("it was just put there");
-            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
-                let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
-                Ok(smallvec![ops::$name($($input),+)?])
-            }))
-        }
-    )+};
-}
-
-of_arrays! {
-    affine_inverse(matrix);
-    rigid(rotation, translation);
-    distort(points, coefficients);
-    fisheye(points, coefficients);
-    transform_points(points, matrix);
-    transform_normals(normals, matrix);
-    project_instances(positions, matrices, camera);
-    perturbed_normals(normals, tangents, values);
-    reflect(directions, normals);
-    over(front, behind);
-    exposure(image, stops);
-    srgb_encode(x);
-    srgb_decode(y);
-}

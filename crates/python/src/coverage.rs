@@ -10,10 +10,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Number, by_type};
+use crate::array::{Array, Number, by_type, to_array};
 use crate::error::Refusal;
 use crate::mesh::Mesh;
-use crate::step::to_array;
 
 /// Which faces cover which pixels of an image.
 #[pyclass(frozen, module = "bokashi")]

@@ -12,9 +12,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::array::{Array, Number};
+use crate::array::{Array, Number, to_array};
 use crate::error::Refusal;
-use crate::step::to_array;
 
 /// A fit of either type of numbers.
 enum Kind {

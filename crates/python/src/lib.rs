@@ -17,17 +17,14 @@ mod rendering;
 mod scene;
 mod step;
 mod texture;
+mod threads;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use super::cameras::{
-        affine_inverse, distort, exposure, fisheye, orthographic, over, perturbed_normals, pinhole,
-        project_instances, reflect, rigid, se3, srgb_decode, srgb_encode, transform_normals,
-        transform_points,
-    };
+    use super::cameras::{orthographic, pinhole, se3};
     #[pymodule_export]
     use super::coverage::Coverage;
     #[pymodule_export]
@@ -39,7 +36,11 @@ mod _native {
     #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]
-    use super::operations::{downsample, face_normals, gaussian_blur, project, vertex_normals};
+    use super::operations::{
+        affine_inverse, distort, downsample, exposure, face_normals, fisheye, gaussian_blur, over,
+        perturbed_normals, project, project_instances, reflect, rigid, srgb_decode, srgb_encode,
+        transform_normals, transform_points, vertex_normals,
+    };
     #[pymodule_export]
     use super::pull_back::PullBack;
     #[pymodule_export]
@@ -50,7 +51,7 @@ mod _native {
     #[pymodule_export]
     use super::scene::{Scene, SceneFit, encode_png};
     #[pymodule_export]
-    use super::step::{num_threads, set_num_threads};
-    #[pymodule_export]
     use super::texture::{mipmaps, sample_cube_map, sample_texture};
+    #[pymodule_export]
+    use super::threads::{num_threads, set_num_threads};
 }

@@ -9,23 +9,14 @@ use smallvec::smallvec;
 
 use crate::array::{Array, by_type};
 use crate::mesh::Mesh;
-use crate::operations::Recorded;
-use crate::step::record;
+use crate::step::{Recorded, record};
 
-/// Inputs: normals, views, positions, three of the material, then two of each light, of which an ambient one has none.
-#[pyfunction]
-#[pyo3(signature = (normals, views, positions, material, model, lights, conserves_energy=false))]
-#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
-pub fn shade<'py>(
-    py: Python<'py>,
-    normals: Array<'py>,
-    views: Array<'py>,
-    positions: Option<Array<'py>>,
-    material: Vec<Array<'py>>,
-    model: &str,
-    lights: Vec<(String, Array<'py>, Option<Array<'py>>)>,
-    conserves_energy: bool,
-) -> Recorded<'py> {
+/// A kind, and one array or two.
+type GivenLight<'py> = (String, Array<'py>, Option<Array<'py>>);
+
+/// # Errors
+/// `ValueError` for another model or kind of light, and where either has other arrays than it needs.
+fn check(model: &str, material: &[Array<'_>], lights: &[GivenLight<'_>]) -> PyResult<()> {
     let numbers = if model == "lambert" { 1 } else { 3 };
     if material.len() != numbers {
         let given = material.len();
@@ -38,7 +29,7 @@ pub fn shade<'py>(
             "a material needs to be metallic-roughness, lambert, phong or blinn-phong, got {model:?}"
         )));
     }
-    for (kind, _, second) in &lights {
+    for (kind, _, second) in lights {
         let expected = match &**kind {
             "directional" | "point" => true,
             "ambient" => false,
@@ -53,6 +44,24 @@ pub fn shade<'py>(
             return Err(PyValueError::new_err(format!("a light of kind {kind} needs {count}")));
         }
     }
+    Ok(())
+}
+
+/// Inputs: normals, views, positions, three of the material, then two of each light, of which an ambient one has none.
+#[pyfunction]
+#[pyo3(signature = (normals, views, positions, material, model, lights, conserves_energy=false))]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
+pub fn shade<'py>(
+    py: Python<'py>,
+    normals: Array<'py>,
+    views: Array<'py>,
+    positions: Option<Array<'py>>,
+    material: Vec<Array<'py>>,
+    model: &str,
+    lights: Vec<GivenLight<'py>>,
+    conserves_energy: bool,
+) -> Recorded<'py> {
+    check(model, &material, &lights)?;
     let kinds: Vec<&str> = lights.iter().map(|(kind, ..)| &**kind).collect();
     let mut inputs = vec![Some(&normals), Some(&views), positions.as_ref()];
     inputs.extend((0..3).map(|k| material.get(k)));

@@ -3,17 +3,12 @@
 use bokashi_render_ops::{self as ops, Blur, Border, Filter, Kernel, Pose, Radius, Weighting};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 use smallvec::smallvec;
 
 use crate::array::{Array, by_type};
 use crate::error::Refusal;
 use crate::mesh::Mesh;
-use crate::pull_back::PullBack;
-use crate::step::record;
-
-/// The outputs of a step, and its pull-back.
-pub type Recorded<'py> = PyResult<(Bound<'py, PyTuple>, PullBack)>;
+use crate::step::{Recorded, record};
 
 /// What lies beyond an image.
 fn border(word: &str) -> PyResult<Border> {
@@ -105,4 +100,35 @@ pub fn vertex_normals<'py>(
         let [Some(positions)] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::vertex_normals(positions, &mesh.0, weighting)?])
     }))
+}
+
+/// Operations whose inputs are arrays, and whose output is one.
+macro_rules! of_arrays {
+    ($($name:ident($($input:ident),+);)+) => {$(
+        #[pyfunction]
+        pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
+            let inputs = [$(Some(&$input)),+];
+            let first: &Array<'_> = inputs[0].expect("it was just put there");
+            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
+                let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
+                Ok(smallvec![ops::$name($($input),+)?])
+            }))
+        }
+    )+};
+}
+
+of_arrays! {
+    affine_inverse(matrix);
+    rigid(rotation, translation);
+    distort(points, coefficients);
+    fisheye(points, coefficients);
+    transform_points(points, matrix);
+    transform_normals(normals, matrix);
+    project_instances(positions, matrices, camera);
+    perturbed_normals(normals, tangents, values);
+    reflect(directions, normals);
+    over(front, behind);
+    exposure(image, stops);
+    srgb_encode(x);
+    srgb_decode(y);
 }

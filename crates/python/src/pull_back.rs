@@ -8,17 +8,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Number};
+use crate::array::{Array, Kind, Number, to_array};
 use crate::error::Refusal;
-use crate::step::{released, to_array};
-
-/// A recording of either type of numbers.
-pub enum Kind {
-    /// Of `float32`.
-    Single(Mutex<Recording<f32>>),
-    /// Of `float64`.
-    Double(Mutex<Recording<f64>>),
-}
+use crate::threads::released;
 
 /// A recorded step, to be pulled back: called with a gradient, or `None`, for each output, it returns a gradient, or
 /// `None`, for each array that the step was given. It can be called as often as one likes.

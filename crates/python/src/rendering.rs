@@ -15,9 +15,8 @@ use crate::array::{Array, by_type};
 use crate::coverage::{Coverage, cull};
 use crate::error::Refusal;
 use crate::mesh::Mesh;
-use crate::operations::Recorded;
 use crate::pull_back::PullBack;
-use crate::step::{Given, record};
+use crate::step::{Given, Recorded, record};
 
 /// Arrays of fragments: barycentrics, clip positions, and with exact coverage weights.
 type Arrays<'a, 'py> = [Option<&'a Array<'py>>; 3];

@@ -11,9 +11,9 @@ use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::array::Array;
+use crate::array::{Array, to_array};
 use crate::error::Refusal;
-use crate::step::{released, to_array};
+use crate::threads::released;
 
 type Picture<'py> = PyResult<Bound<'py, PyArrayDyn<f32>>>;
 

@@ -9,8 +9,7 @@ use pyo3::prelude::*;
 
 use crate::array::{Array, by_type};
 use crate::error::Refusal;
-use crate::operations::Recorded;
-use crate::step::{Given, record};
+use crate::step::{Given, Recorded, record};
 use smallvec::smallvec;
 
 fn filter(word: &str, probes: usize) -> PyResult<TextureFilter> {
