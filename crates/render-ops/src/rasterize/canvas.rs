@@ -56,8 +56,6 @@ pub(super) struct Canvas<T: Scalar> {
     places: Vec<u32>,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling,
-    /// Per layer: the bands.
-    pub(super) bands: Vec<Vec<Band<T>>>,
 }
 
 /// Where the runs of a row are written down.
@@ -93,13 +91,13 @@ impl Reader<'_> {
     }
 }
 
-/// The work on a canvas: it draws every `step`-th band from `first` on.
+/// The work of drawing a band and of reading its layers.
 pub(super) struct Draw<'a, T: Scalar> {
     pub(super) canvas: &'a mut Canvas<T>,
     pub(super) view: &'a Prepared<'a, T>,
-    pub(super) faces: &'a [Vec<u32>],
-    pub(super) first: usize,
-    pub(super) step: usize,
+    pub(super) rows: Range<usize>,
+    pub(super) faces: &'a [u32],
+    pub(super) layers: &'a mut [Band<T>],
 }
 
 /// Not as a closure, which would not be compiled for the vectors that were found.
@@ -108,8 +106,8 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, simd: V) {
-        let Self { canvas, view, faces, first, step } = self;
-        canvas.run(simd, view, faces, (first..faces.len()).step_by(step));
+        let Self { canvas, view, rows, faces, layers } = self;
+        canvas.run(simd, view, rows, faces, layers);
     }
 }
 
@@ -158,29 +156,24 @@ impl<T: Scalar> Canvas<T> {
         &mut self,
         simd: V,
         view: &Prepared<'_, T>,
-        faces: &[Vec<u32>],
-        bands: impl ExactSizeIterator<Item = usize>,
+        rows: Range<usize>,
+        faces: &[u32],
+        layers: &mut [Band<T>],
     ) {
         self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
-        self.bands.resize_with(view.layers, Vec::new);
-        self.bands.iter_mut().for_each(|of_layer| of_layer.resize_with(bands.len(), Band::default));
-        for (index, band) in bands.enumerate() {
-            let first = band * view.rows;
-            let rows = first..(first + view.rows).min(view.size.height);
-            self.draw_layers(simd, view, rows.clone(), &faces[band]);
-            if view.sampling.has_pieces() {
-                self.resolve(view, index, rows.clone(), &faces[band]);
-            }
-            if view.front.is_some() {
-                self.plane.forget_rows(rows.len());
-            }
-            for layer in 0..view.layers {
-                let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
-                self.exchange_layer(behind);
-                self.read(view, (layer, index), rows.clone(), &faces[band]);
-                self.exchange_layer(behind);
-            }
+        self.draw_layers(simd, view, rows.clone(), faces);
+        if view.sampling.has_pieces() {
+            self.resolve(view, &mut layers[0], rows.clone(), faces);
+        }
+        if view.front.is_some() {
+            self.plane.forget_rows(rows.len());
+        }
+        for (layer, band) in layers.iter_mut().enumerate() {
+            let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
+            self.exchange_layer(behind);
+            self.read(view, band, rows.clone(), faces);
+            self.exchange_layer(behind);
         }
     }
 
@@ -275,22 +268,21 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Resolves the boundary pixels of band `band_index`, whose faces are `faces`; nothing is seen at their
-    /// centres then.
+    /// Resolves the boundary pixels of a band, whose faces are `faces`; nothing is seen at their centres then.
     #[inline(never)]
     fn resolve(
         &mut self,
         view: &Prepared<'_, T>,
-        band_index: usize,
+        band: &mut Band<T>,
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, bands, weights, were_settled, slot_of, .. } = self;
+        let Self { search, weights, were_settled, slot_of, .. } = self;
         resize(weights, faces.len(), Weights::default);
         for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
             *weights = view.weights(face as usize, was_settled);
         }
-        let Band { pieces, piece_fragments, .. } = &mut bands[0][band_index];
+        let Band { pieces, piece_fragments, .. } = band;
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
@@ -305,16 +297,15 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Reads the plane as the runs of a band of a layer, `of_band`, and forgets what was drawn there.
+    /// Reads the plane as the runs of a layer of a band, and forgets what was drawn there.
     #[inline(always)]
     fn read(
         &mut self,
         view: &Prepared<'_, T>,
-        of_band: (usize, usize),
+        band: &mut Band<T>,
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let band = &mut self.bands[of_band.0][of_band.1];
         band.row_starts.clear();
         band.covered.clear();
         self.read.clear();
@@ -323,11 +314,11 @@ impl<T: Scalar> Canvas<T> {
         self.slot_of.clear();
         self.slot_of.resize(faces.len(), NO_SLOT);
         for (local, row) in rows.enumerate() {
-            self.bands[of_band.0][of_band.1].row_starts.push(self.read.len() as u32);
-            self.read_row(view, of_band, row, local);
+            band.row_starts.push(self.read.len() as u32);
+            self.read_row(view, &mut band.covered, row, local);
         }
         self.plane.reached_by_small = [usize::MAX, 0];
-        self.sort(view, of_band, faces);
+        self.sort(view, band, faces);
     }
 
     /// Reads what the pixels of a row see, and forgets what was drawn there, up to the image's width.
@@ -336,7 +327,7 @@ impl<T: Scalar> Canvas<T> {
     fn read_row(
         &mut self,
         view: &Prepared<'_, T>,
-        of_band: (usize, usize),
+        covered: &mut Vec<[u32; 2]>,
         row: usize,
         local: usize,
     ) {
@@ -344,16 +335,10 @@ impl<T: Scalar> Canvas<T> {
         if first >= end {
             return;
         }
-        let Self { plane, bands, slot_of, drawn_of_slot, places, read, .. } = self;
+        let Self { plane, slot_of, drawn_of_slot, places, read, .. } = self;
         let (_, faces) = plane.row(local);
         let before_row = (row * view.size.width) as u32;
-        let mut reader = Reader {
-            covered: &mut bands[of_band.0][of_band.1].covered,
-            slot_of,
-            drawn_of_slot,
-            places,
-            read,
-        };
+        let mut reader = Reader { covered, slot_of, drawn_of_slot, places, read };
         let mut start = first;
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
@@ -376,12 +361,12 @@ impl<T: Scalar> Canvas<T> {
         plane.forget(local, [first, end]);
     }
 
-    /// Sorts the runs of a band of a layer, whose faces are `faces`, by slot; those of one slot stay in order. Gives
+    /// Sorts the runs of a layer of a band, whose faces are `faces`, by slot; those of one slot stay in order. Gives
     /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, view: &Prepared<'_, T>, of_band: (usize, usize), faces: &[u32]) {
-        let Self { were_settled, drawn_of_slot, read, places, bands, .. } = self;
-        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[of_band.0][of_band.1];
+    fn sort(&mut self, view: &Prepared<'_, T>, band: &mut Band<T>, faces: &[u32]) {
+        let Self { were_settled, drawn_of_slot, read, places, .. } = self;
+        let Band { runs, by_pixel, weights: own_weights, .. } = band;
         resize(own_weights, drawn_of_slot.len(), Weights::default);
         for (weights, &drawn) in own_weights.iter_mut().zip(&*drawn_of_slot) {
             *weights = view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize]);
