@@ -138,7 +138,7 @@ pub fn merge_each<I: Send, R: Send>(
     mut merge: impl FnMut(R) + Send,
 ) {
     #[cfg(feature = "parallel")]
-    if is_shared {
+    if is_shared && threads() > 1 {
         return merge_shared(items.len(), &mut items.enumerate(), &work, &mut merge);
     }
     #[cfg(not(feature = "parallel"))]
@@ -156,7 +156,15 @@ fn merge_shared<I: Send, R: Send>(
 ) {
     // How many results were taken out, and those that are there beyond.
     let results = Mutex::new((0, SmallVec::<[Option<R>; 8]>::new()));
-    let merge = Mutex::new(merge);
+    let add = |k: usize, result: R| {
+        let (taken, waiting) = &mut *lock(&results);
+        let place = k - *taken;
+        if waiting.len() <= place {
+            waiting.resize_with(place + 1, || None);
+        }
+        waiting[place] = Some(result);
+    };
+    let is_next_there = || lock(&results).1.first().is_some_and(Option::is_some);
     let next = || {
         let (taken, waiting) = &mut *lock(&results);
         let result = waiting.first_mut()?.take()?;
@@ -164,28 +172,18 @@ fn merge_shared<I: Send, R: Send>(
         *taken += 1;
         Some(result)
     };
+    let merge = Mutex::new(merge);
     share(count, items, &|(k, item)| {
-        let result = work(item);
+        add(k, work(item));
+        // Who merges goes on with what others add meanwhile, and looks once more after it; these go on with their work.
+        while is_next_there()
+            && let Ok(mut merge) = merge.try_lock()
         {
-            let (taken, waiting) = &mut *lock(&results);
-            let place = k - *taken;
-            if waiting.len() <= place {
-                waiting.resize_with(place + 1, || None);
-            }
-            waiting[place] = Some(result);
-        }
-        // Who merges goes on with what others add meanwhile; these go on with their work.
-        if let Ok(mut merge) = merge.try_lock() {
             while let Some(result) = next() {
                 merge(result);
             }
         }
     });
-    // What was added just when nobody looked any more.
-    let merge = merge.into_inner().unwrap_or_else(PoisonError::into_inner);
-    while let Some(result) = next() {
-        merge(result);
-    }
 }
 
 /// Calls `merge(work(range))` for each range of `piece` indices of `0..length`, as [`merge_each`].

@@ -9,11 +9,10 @@
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. A thread draws bands one after another on one canvas, so that its memory stays in a core's cache.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_piece_mut, is_shared, merge_each, merge_ranges};
+use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, resize};
 use super::corner::{Corner, give_one_factor};
@@ -29,8 +28,11 @@ use crate::runs::{WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
 use crate::scratch::Workbench;
 use crate::size::Size;
 
-/// Vertices or faces in one piece of work: some tens of microseconds.
-const ITEMS_PER_PIECE: usize = 1 << 12;
+/// Vertices or faces in one piece of work: some microseconds.
+const ITEMS_PER_PIECE: usize = 1 << 10;
+
+/// From so many on they are shared by several threads.
+const ITEMS_TO_SHARE: usize = 1 << 12;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug, Default)]
@@ -84,44 +86,47 @@ impl<T: Scalar> Visibility<T> {
     /// Returns what is at least the rounding of any face's area.
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
         resize(&mut self.corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
-        for_each_piece_mut(&mut self.corners, ITEMS_PER_PIECE, |piece, corners| {
-            let first = piece * ITEMS_PER_PIECE;
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    for (index, corner) in (first as u32..).zip(corners) {
-                        *corner = Corner::new(clip, index, size);
-                    }
-                },
-            );
-        });
+        merge_pieces(
+            &mut self.corners,
+            |first, corners| {
+                dispatch_256::<T, _>(
+                    #[inline(always)]
+                    || {
+                        for (index, corner) in (first as u32..).zip(corners) {
+                            *corner = Corner::new(clip, index, size);
+                        }
+                    },
+                );
+            },
+            |()| {},
+        );
         // No f32 is so small or so large that it is multiplied.
         if T::from_f64(1e60).is_finite() {
             give_one_factor(&mut self.corners);
         }
         let Self { corners, records, filter, .. } = self;
         let (mut depths, mut extents) = (Depths::default(), Extents::default());
-        let measure = |vertices: Range<usize>| {
-            let corners = &corners[vertices];
-            (Depths::of(corners), Extents::of(corners))
-        };
-        merge_ranges(count, ITEMS_PER_PIECE, measure, |of_piece| {
+        let measure = |_, corners: &mut [Corner<_>]| (Depths::of(corners), Extents::of(corners));
+        merge_pieces(corners, measure, |of_piece| {
             depths = depths.with(of_piece.0);
             extents = extents.with(of_piece.1);
         });
         *filter = Filter::new(depths, size);
         resize(records, count, Record::default);
-        for_each_piece_mut(records, ITEMS_PER_PIECE, |piece, records| {
-            let corners = &corners[piece * ITEMS_PER_PIECE..];
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    for (record, corner) in records.iter_mut().zip(corners) {
-                        *record = filter.record(corner);
-                    }
-                },
-            );
-        });
+        merge_pieces(
+            records,
+            |first, records| {
+                dispatch_256::<T, _>(
+                    #[inline(always)]
+                    || {
+                        for (record, corner) in records.iter_mut().zip(&corners[first..]) {
+                            *record = filter.record(corner);
+                        }
+                    },
+                );
+            },
+            |()| {},
+        );
         extents.most_rounding(size)
     }
 
@@ -141,23 +146,31 @@ impl<T: Scalar> Visibility<T> {
         let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         resize(verdicts, mesh.faces().len(), || degenerate);
         let mut sorted = Sorted::default();
-        let is_shared = is_shared(verdicts.len(), ITEMS_PER_PIECE);
-        let pieces = verdicts.chunks_mut(ITEMS_PER_PIECE).enumerate();
-        let work = |(piece, verdicts): (usize, _)| {
-            let verdicts: &mut [Verdict] = verdicts;
-            let first = piece * ITEMS_PER_PIECE;
-            let faces = &mesh.faces()[first..][..verdicts.len()];
-            let judge = Judge { faces, corners, records, filter, options, most_noise, verdicts };
-            dispatch_256::<T, _>(judge);
-            (first, &*verdicts)
-        };
-        merge_each(is_shared, pieces, work, |(first, verdicts)| {
+        let merge = |(first, verdicts): (usize, &[Verdict])| {
             sorted.add(first as u32, verdicts, of_bands, rows);
             for layer in &mut *layers {
                 let orientations = verdicts.iter().map(|verdict| verdict.orientation);
                 made(layer).orientations.extend(orientations);
             }
-        });
+        };
+        merge_pieces(
+            verdicts,
+            |first, verdicts| {
+                let verdicts: &mut [Verdict] = verdicts;
+                let faces = &mesh.faces()[first..][..verdicts.len()];
+                dispatch_256::<T, _>(Judge {
+                    faces,
+                    corners,
+                    records,
+                    filter,
+                    options,
+                    most_noise,
+                    verdicts: &mut *verdicts,
+                });
+                (first, &*verdicts)
+            },
+            merge,
+        );
         sorted
     }
 
@@ -239,6 +252,18 @@ impl<T: Scalar> Visibility<T> {
     ) -> impl ExactSizeIterator<Item = &Band<T>> + Clone + Send {
         self.bands.iter().map(move |of_layers| &of_layers[layer])
     }
+}
+
+/// Calls `merge(work(first, piece))` for each piece of `items`, with the index of its first item, as [`merge_each`].
+fn merge_pieces<'a, I: Send, R: Send>(
+    items: &'a mut [I],
+    work: impl Fn(usize, &'a mut [I]) -> R + Sync,
+    merge: impl FnMut(R) + Send,
+) {
+    let are_shared = is_shared(items.len(), ITEMS_TO_SHARE);
+    let pieces = items.chunks_mut(ITEMS_PER_PIECE).enumerate();
+    let work = |(piece, items)| work(piece * ITEMS_PER_PIECE, items);
+    merge_each(are_shared, pieces, work, merge);
 }
 
 /// The coverage of a layer that is being made.
