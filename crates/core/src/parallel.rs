@@ -37,25 +37,45 @@ pub fn for_each_piece_mut<T: Send>(
     #[cfg(feature = "parallel")]
     if is_shared(data.len(), piece) {
         let pieces = data.chunks_mut(piece).enumerate();
-        return share(pieces.len(), &mut { pieces }, &|(k, chunk)| work(k, chunk));
+        return share(pieces.len(), &mut { pieces }, &|some| {
+            some.for_each(|(k, chunk)| work(k, chunk));
+        });
     }
     data.chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
 }
 
-/// Lets the threads take `items`, `count` of them, one after another, and work on them. By references, so that
+/// The most items that a thread takes at once.
+#[cfg(feature = "parallel")]
+const AT_ONCE: usize = 8;
+
+/// Takes that each thread would need for all that is left: the more, the less it waits for the last one, and the more
+/// often threads meet at the lock.
+#[cfg(feature = "parallel")]
+const TAKES_PER_THREAD: usize = 4;
+
+/// Lets the threads take some of `items` after others, `count` in all, and work on them. By references, so that
 /// rayon is compiled once per type of item and not for every operation.
 #[cfg(feature = "parallel")]
 fn share<I: Send>(
     count: usize,
     items: &mut (dyn Iterator<Item = I> + Send),
-    work: &(dyn Fn(I) + Sync),
+    work: &(dyn Fn(&mut dyn Iterator<Item = I>) + Sync),
 ) {
-    let items = Mutex::new(items);
-    let next = || lock(&items).next();
-    let tasks = (0..threads().min(count)).into_par_iter().with_max_len(1);
-    tasks.for_each(|_| {
-        while let Some(item) = next() {
-            work(item);
+    let threads = threads().min(count);
+    let items = Mutex::new((items, count));
+    let take = || {
+        let (items, left) = &mut *lock(&items);
+        let some = (*left / (TAKES_PER_THREAD * threads)).clamp(1, AT_ONCE);
+        *left = left.saturating_sub(some);
+        items.take(some).collect::<SmallVec<[I; AT_ONCE]>>()
+    };
+    (0..threads).into_par_iter().with_max_len(1).for_each(|_| {
+        loop {
+            let some = take();
+            if some.is_empty() {
+                break;
+            }
+            work(&mut some.into_iter());
         }
     });
 }
@@ -99,7 +119,7 @@ pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     #[cfg(feature = "parallel")]
     if is_shared(count, 1) {
         let mut pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
-        return share(count, &mut pairs, &|(k, (a, b))| work(k, a, b));
+        return share(count, &mut pairs, &|some| some.for_each(|(k, (a, b))| work(k, a, b)));
     }
     let pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
     pairs.for_each(|(k, (a, b))| work(k, a, b));
@@ -155,32 +175,37 @@ fn merge_shared<I: Send, R: Send>(
     merge: &mut (dyn FnMut(R) + Send),
 ) {
     // How many results were taken out, and those that are there beyond.
-    let results = Mutex::new((0, SmallVec::<[Option<R>; 8]>::new()));
-    let add = |k: usize, result: R| {
+    let results = Mutex::new((0, SmallVec::<[Option<R>; 2 * AT_ONCE]>::new()));
+    let add = |first: usize, some: SmallVec<[R; AT_ONCE]>| {
         let (taken, waiting) = &mut *lock(&results);
-        let place = k - *taken;
-        if waiting.len() <= place {
-            waiting.resize_with(place + 1, || None);
+        let place = first - *taken;
+        if waiting.len() < place + some.len() {
+            waiting.resize_with(place + some.len(), || None);
         }
-        waiting[place] = Some(result);
+        waiting[place..].iter_mut().zip(some).for_each(|(place, result)| *place = Some(result));
     };
     let is_next_there = || lock(&results).1.first().is_some_and(Option::is_some);
     let next = || {
         let (taken, waiting) = &mut *lock(&results);
-        let result = waiting.first_mut()?.take()?;
-        waiting.remove(0);
-        *taken += 1;
-        Some(result)
+        let count = waiting.iter().take(AT_ONCE).take_while(|result| result.is_some()).count();
+        *taken += count;
+        waiting.drain(..count).flatten().collect::<SmallVec<[R; AT_ONCE]>>()
     };
     let merge = Mutex::new(merge);
-    share(count, items, &|(k, item)| {
-        add(k, work(item));
+    share(count, items, &|some| {
+        let mut some = some.peekable();
+        let first = some.peek().map_or(0, |&(k, _)| k);
+        add(first, some.map(|(_, item)| work(item)).collect());
         // Who merges goes on with what others add meanwhile, and looks once more after it; these go on with their work.
         while is_next_there()
             && let Ok(mut merge) = merge.try_lock()
         {
-            while let Some(result) = next() {
-                merge(result);
+            loop {
+                let some = next();
+                if some.is_empty() {
+                    break;
+                }
+                some.into_iter().for_each(&mut **merge);
             }
         }
     });

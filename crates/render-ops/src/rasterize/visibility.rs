@@ -71,7 +71,7 @@ impl<T: Scalar> Visibility<T> {
         let most_noise = self.prepare_vertices(clip, mesh.vertex_count(), size);
         let sorted = self.judge_faces(mesh, options, most_noise, layers);
         self.reaches_behind = sorted.reaches_behind;
-        self.draw_bands(mesh, options, needs, front, sorted.work, layers);
+        self.draw_bands(mesh, options, needs, front, layers);
         for (layer, coverage) in layers.iter_mut().enumerate() {
             let coverage = made(coverage);
             coverage.culled = sorted.culled;
@@ -181,7 +181,6 @@ impl<T: Scalar> Visibility<T> {
         options: RasterOptions,
         needs: bool,
         front: Option<&Coverage>,
-        work: usize,
         layers: &mut [Arc<Coverage>],
     ) {
         let size = options.size;
@@ -196,12 +195,12 @@ impl<T: Scalar> Visibility<T> {
         bands.resize_with(self.faces.len(), Vec::new);
         let count = layers.len();
         let view = &Prepared { needs, front, layers: count, ..self.drawn(mesh, options) };
-        let is_shared = bands.len() > 1 && is_shared(work, WORK_TO_SHARE);
+        let is_shared = self.is_drawing_shared(view);
         let pairs = bands.iter_mut().zip(&self.faces).enumerate();
         let draw = |(band, (of_layers, faces)): (usize, (_, &Vec<u32>))| {
             let of_layers: &mut Vec<Band<T>> = of_layers;
             of_layers.resize_with(count, Band::default);
-            let rows = band * view.rows..((band + 1) * view.rows).min(size.height);
+            let rows = view.band(band);
             self.canvases.with(|canvas| {
                 let draw = Draw { canvas, view, rows, faces, layers: &mut *of_layers };
                 dispatch_256::<T, _>(draw);
@@ -214,6 +213,21 @@ impl<T: Scalar> Visibility<T> {
             }
         });
         self.bands = bands;
+    }
+
+    /// Whether bands are drawn at the same time.
+    fn is_drawing_shared(&self, view: &Prepared<'_, T>) -> bool {
+        let mut work = WORK_OF_FACE * self.faces.iter().map(Vec::len).sum::<usize>();
+        // Of few faces it is asked how large they are.
+        if work < WORK_TO_SHARE {
+            for (band, faces) in self.faces.iter().enumerate() {
+                for &face in faces {
+                    let [columns, rows] = view.touched(face as usize, &view.band(band));
+                    work += columns.len() * rows.len();
+                }
+            }
+        }
+        self.faces.len() > 1 && is_shared(work, WORK_TO_SHARE)
     }
 
     /// What the stages share, of a first layer without a gradient: all that [`Band::weigh`] needs.
@@ -277,8 +291,6 @@ struct Sorted {
     culled: Culled,
     /// Whether some drawn face reaches behind the eye.
     reaches_behind: bool,
-    /// How much there is to draw: see [`WORK_TO_SHARE`].
-    work: usize,
 }
 
 impl Sorted {
@@ -287,7 +299,7 @@ impl Sorted {
     fn add(&mut self, first: u32, verdicts: &[Verdict], bands: &mut [Vec<u32>], rows: usize) {
         // In 32 bits, whose division takes half the time.
         let rows = rows as u32;
-        let Self { culled, reaches_behind, work } = self;
+        let Self { culled, reaches_behind } = self;
         for (face, verdict) in (first..).zip(verdicts) {
             match verdict.fate {
                 Fate::Degenerate => culled.degenerate += 1,
@@ -296,8 +308,6 @@ impl Sorted {
                 Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
                     *reaches_behind |= verdict.reaches_behind;
                     if left <= right && top <= bottom {
-                        let area = (right - left + 1) as usize * (bottom - top + 1) as usize;
-                        *work += WORK_OF_FACE + area;
                         let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
                         // In the order of their indices, on which ties of depths rely.
                         for list in &mut bands[first..=last] {
