@@ -564,30 +564,28 @@ fn a_steady_step_of_a_shape_with_fixed_colors_allocates_nothing() {
 }
 
 #[test]
-fn steady_steps_on_several_threads_allocate_sums_by_face_and_band() {
-    // Few faces on many pixels, many faces, and many that are hidden: were anything allocated per
-    // pixel or per face, it would not fit in.
+fn steady_steps_on_several_threads_keep_their_lists() {
+    // Few faces on many pixels, many faces, and many that are hidden.
     for (side, hidden, pixels) in [(2, 0, 48), (2, 0, 512), (40, 0, 300), (2, 250, 200)] {
         let sheets = Sheets::new(side, hidden, pixels);
         // What the background costs is summed once.
         sheets.step(&mut Tape::new()).unwrap();
         for threads in [2, 4] {
-            let (start, steps) = (4, 16);
+            let (start, steps) = (8, 32);
             let (before, _) = sheets.allocated(threads, start);
             let (after, Found { bands, slots, .. }) = sheets.allocated(threads, start + steps);
-
-            // Lists of the bands' results, twice in the forward pass and twice in the backward one,
-            // with a sum per band.
-            let collected = [(4 + bands) as f64, (64 * 5 * bands) as f64];
-            // In a backward pass three rows of four or of three numbers for each face.
-            let sums = [3 * 4 * 4, 3 * 3 * 4].map(|bytes| [bands as f64, (bytes * slots) as f64]);
-            let lists = sums.into_iter().chain([collected]);
-            let bounds = lists.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
-            for (k, name) in ["allocations", "bytes"].into_iter().enumerate() {
-                let per_step = (after[k] as f64 - before[k] as f64) / steps as f64;
-                assert_eq!(per_step > 0.0, bands > 1, "several bands are collected");
-                assert!(per_step <= bounds[k], "{per_step} {name} a step, not {}", bounds[k]);
+            let [count, bytes] =
+                [0, 1].map(|k| (after[k] as f64 - before[k] as f64) / steps as f64);
+            if bands == 1 {
+                assert!(count <= 0.0 && bytes <= 0.0, "{count} allocations of {bytes} bytes");
+                continue;
             }
+            // In a backward pass three rows of four and of three numbers for each face, which are kept. A thread that
+            // first takes part late has its memory late, and now and then many results wait.
+            let rows = (3 * (4 + 3) * 4 * slots) as f64;
+            let bounds = [8.0, 32768.0 + rows / 8.0];
+            let found = format!("{count} allocations of {bytes} bytes a step, not {bounds:?}");
+            assert!(count <= bounds[0] && bytes <= bounds[1], "{found}");
         }
     }
 }

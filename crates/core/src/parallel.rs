@@ -3,27 +3,27 @@
 //! Pieces are cut by size alone and results are merged in the order of the pieces. So every result
 //! is bitwise the same for any number of threads. Work of a single piece never enters the thread
 //! pool: at 32 x 32 pixels to enter it costs more than the work.
+//!
+//! Threads take pieces one after another, in their order. So the first results are there while there is
+//! still work, and one thread merges them while the others go on.
 
 use std::cell::Cell;
 use std::ops::Range;
 #[cfg(feature = "parallel")]
 use std::sync::atomic::{AtomicU32, Ordering};
 #[cfg(feature = "parallel")]
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 #[cfg(feature = "parallel")]
 use rayon::{ThreadPool, ThreadPoolBuilder};
+#[cfg(feature = "parallel")]
+use smallvec::SmallVec;
 
 /// Entries in one piece of cheap elementwise work: a few microseconds, many times the cost of
 /// handing a piece to another thread.
 pub const ENTRIES_PER_PIECE: usize = 1 << 14;
-
-/// Pieces that a thread takes at once: rayon would cut work into a few tasks per thread, and of
-/// unlike pieces the slow ones often are neighbours.
-#[cfg(feature = "parallel")]
-const PIECES_PER_TASK: usize = 1;
 
 /// Calls `work(k, piece)` for each piece of `piece` entries of `data`, the last one perhaps
 /// shorter; pieces may run at the same time.
@@ -40,25 +40,55 @@ pub fn for_each_piece_mut<T: Send>(
     }
     #[cfg(feature = "parallel")]
     if is_shared(data.len(), piece) {
-        return share(data, piece, &work);
+        let pieces = data.chunks_mut(piece).enumerate();
+        return share(pieces.len(), &mut { pieces }, &|some| {
+            some.for_each(|(k, chunk)| work(k, chunk));
+        });
     }
     data.chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
 }
 
-/// The pieces of [`for_each_piece_mut`] on the thread pool. By a reference to `work`, so that rayon is
-/// compiled once per type of entry and not for every operation.
+/// The most items that a thread takes at once.
 #[cfg(feature = "parallel")]
-fn share<T: Send>(data: &mut [T], piece: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
-    in_living_pool(|| {
-        let pieces = data.par_chunks_mut(piece).with_max_len(PIECES_PER_TASK);
-        pieces.enumerate().for_each(|(k, chunk)| work(k, chunk));
-    });
+const AT_ONCE: usize = 8;
+
+/// Takes that each thread would need for all that is left: the more, the less it waits for the last one, and the more
+/// often threads meet at the lock.
+#[cfg(feature = "parallel")]
+const TAKES_PER_THREAD: usize = 4;
+
+/// Lets the threads take some of `items` after others, `count` in all, and work on them. By references, so that
+/// rayon is compiled once per type of item and not for every operation.
+#[cfg(feature = "parallel")]
+fn share<I: Send>(
+    count: usize,
+    items: &mut (dyn Iterator<Item = I> + Send),
+    work: &(dyn Fn(&mut dyn Iterator<Item = I>) + Sync),
+) {
+    let threads = threads().min(count);
+    let items = Mutex::new((items, count));
+    let take = || {
+        let (items, left) = &mut *lock(&items);
+        let some = (*left / (TAKES_PER_THREAD * threads)).clamp(1, AT_ONCE);
+        *left = left.saturating_sub(some);
+        items.take(some).collect::<SmallVec<[I; AT_ONCE]>>()
+    };
+    let work = |_| {
+        loop {
+            let some = take();
+            if some.is_empty() {
+                break;
+            }
+            work(&mut some.into_iter());
+        }
+    };
+    in_living_pool(|| (0..threads).into_par_iter().with_max_len(1).for_each(work));
 }
 
-/// The pieces of [`merge_ranges`] on the thread pool, by a reference to `work` as in [`share`].
+/// What is behind a lock, which nobody leaves half done.
 #[cfg(feature = "parallel")]
-fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> Vec<R> {
-    in_living_pool(|| (0..pieces).into_par_iter().with_max_len(PIECES_PER_TASK).map(work).collect())
+fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Writes `value(k)` to the k-th item, for every k; pieces of `piece` items may be worked on at the same time.
@@ -93,11 +123,8 @@ pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     assert_eq!(count, b.len().div_ceil(of_b), "both are cut into equally many pieces");
     #[cfg(feature = "parallel")]
     if is_shared(count, 1) {
-        return in_living_pool(|| {
-            let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b));
-            let pairs = pairs.with_max_len(PIECES_PER_TASK).enumerate();
-            pairs.for_each(|(k, (a, b))| work(k, a, b));
-        });
+        let mut pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
+        return share(count, &mut pairs, &|some| some.for_each(|(k, (a, b))| work(k, a, b)));
     }
     let pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
     pairs.for_each(|(k, (a, b))| work(k, a, b));
@@ -127,52 +154,113 @@ pub fn for_each_zipped_mut<D: Send, T: Copy + Sync, const N: usize>(
     });
 }
 
-/// Calls `merge(work(range))` for each range of `piece` indices of `0..length`, in the order of the
-/// ranges; the work, not the merging, may run at the same time.
+/// Calls `merge(work(item))` for each item, in the order of the items. If `is_shared`, items may be worked on at the
+/// same time, and results merged while other items are worked on.
+pub fn merge_each<I: Send, R: Send>(
+    is_shared: bool,
+    items: impl ExactSizeIterator<Item = I> + Send,
+    work: impl Fn(I) -> R + Sync,
+    mut merge: impl FnMut(R) + Send,
+) {
+    #[cfg(feature = "parallel")]
+    if is_shared && threads() > 1 {
+        return merge_shared(items.len(), &mut items.enumerate(), &work, &mut merge);
+    }
+    #[cfg(not(feature = "parallel"))]
+    let _ = is_shared;
+    items.for_each(|item| merge(work(item)));
+}
+
+/// [`merge_each`] on the thread pool, by references as [`share`].
+#[cfg(feature = "parallel")]
+fn merge_shared<I: Send, R: Send>(
+    count: usize,
+    items: &mut (dyn Iterator<Item = (usize, I)> + Send),
+    work: &(dyn Fn(I) -> R + Sync),
+    merge: &mut (dyn FnMut(R) + Send),
+) {
+    // How many results were taken out, and those that are there beyond.
+    let results = Mutex::new((0, SmallVec::<[Option<R>; 2 * AT_ONCE]>::new()));
+    let add = |first: usize, some: SmallVec<[R; AT_ONCE]>| {
+        let (taken, waiting) = &mut *lock(&results);
+        let place = first - *taken;
+        if waiting.len() < place + some.len() {
+            waiting.resize_with(place + some.len(), || None);
+        }
+        waiting[place..].iter_mut().zip(some).for_each(|(place, result)| *place = Some(result));
+    };
+    let is_next_there = || lock(&results).1.first().is_some_and(Option::is_some);
+    let next = || {
+        let (taken, waiting) = &mut *lock(&results);
+        let count = waiting.iter().take(AT_ONCE).take_while(|result| result.is_some()).count();
+        *taken += count;
+        waiting.drain(..count).flatten().collect::<SmallVec<[R; AT_ONCE]>>()
+    };
+    let merge = Mutex::new(merge);
+    share(count, items, &|some| {
+        let mut some = some.peekable();
+        let first = some.peek().map_or(0, |&(k, _)| k);
+        add(first, some.map(|(_, item)| work(item)).collect());
+        // Who merges goes on with what others add meanwhile, and looks once more after it; these go on with their work.
+        while is_next_there()
+            && let Ok(mut merge) = merge.try_lock()
+        {
+            loop {
+                let some = next();
+                if some.is_empty() {
+                    break;
+                }
+                some.into_iter().for_each(&mut **merge);
+            }
+        }
+    });
+}
+
+/// Calls `merge(work(range))` for each range of `piece` indices of `0..length`, as [`merge_each`].
 pub fn merge_ranges<R: Send>(
     length: usize,
     piece: usize,
     work: impl Fn(Range<usize>) -> R + Send + Sync,
-    mut merge: impl FnMut(R),
+    merge: impl FnMut(R) + Send,
 ) {
-    let pieces = length.div_ceil(piece);
     let range = |k: usize| k * piece..((k + 1) * piece).min(length);
-    #[cfg(feature = "parallel")]
-    if is_shared(length, piece) {
-        return share_ranges(pieces, &|k| work(range(k))).into_iter().for_each(merge);
-    }
-    (0..pieces).for_each(|k| merge(work(range(k))));
+    let pieces = 0..length.div_ceil(piece);
+    merge_each(is_shared(length, piece), pieces, |k| work(range(k)), merge);
 }
 
 /// [`merge_ranges`] with results that are written into `results`, whose memory the next call finds
 /// again. They hold what an earlier call left there, which `work` clears or writes over.
-pub fn merge_ranges_into<R: Default + Send>(
-    results: &mut Vec<R>,
+pub fn merge_ranges_into<'a, R: Default + Send>(
+    results: &'a mut Vec<R>,
     length: usize,
     piece: usize,
     work: impl Fn(Range<usize>, &mut R) + Send + Sync,
-    merge: impl FnMut(&mut R),
+    merge: impl FnMut(&mut R) + Send,
 ) {
     let pieces = length.div_ceil(piece);
     if results.len() < pieces {
         results.resize_with(pieces, R::default);
     }
-    let results = &mut results[..pieces];
-    for_each_item_mut(results, |k, result| {
+    let pieces = results[..pieces].iter_mut().enumerate();
+    let work = |(k, result): (usize, &'a mut R)| {
         work(k * piece..((k + 1) * piece).min(length), result);
-    });
-    results.iter_mut().for_each(merge);
+        result
+    };
+    merge_each(is_shared(length, piece), pieces, work, merge);
 }
 
-/// Runs both, perhaps at the same time, and returns both results.
+/// Runs both, at the same time if it `is_shared`, and returns both results.
 pub fn join<A: Send, B: Send>(
+    is_shared: bool,
     first: impl FnOnce() -> A + Send,
     second: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     #[cfg(feature = "parallel")]
-    if threads() > 1 {
+    if is_shared && threads() > 1 {
         return in_living_pool(|| rayon::join(first, second));
     }
+    #[cfg(not(feature = "parallel"))]
+    let _ = is_shared;
     (first(), second())
 }
 

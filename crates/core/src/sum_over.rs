@@ -106,7 +106,7 @@ impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
             [only] => Ok(vec![self.sum(only.clone())?]),
             more => {
                 let (first, second) = more.split_at(more.len() / 2);
-                let (first, second) = join(|| self.all(first), || self.all(second));
+                let (first, second) = join(true, || self.all(first), || self.all(second));
                 let mut sums = first?;
                 sums.extend(second?);
                 Ok(sums)
@@ -123,7 +123,7 @@ impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
                 alone(|| self.one(range.start))
             };
         };
-        let (first, second) = join(|| self.sum(first), || self.sum(second));
+        let (first, second) = join(true, || self.sum(first), || self.sum(second));
         let mut first = first?;
         first.add(second?);
         Ok(first)

@@ -101,9 +101,9 @@ impl Coverage {
         }
         let mut coverage = Self::empty(mesh.clone(), size);
         let (mut reader, mut row) = (RunReader::default(), Vec::new());
-        let mut bands = Vec::new();
+        let mut band = BandRuns::default();
+        coverage.begin_centers();
         for (k, ids) in ids.chunks(size.width * rows_per_band(size)).enumerate() {
-            let mut band = BandRuns::default();
             let mut pixel = k * size.width * rows_per_band(size);
             reader.begin(faces, &mut band);
             for ids in ids.chunks(size.width) {
@@ -115,27 +115,36 @@ impl Coverage {
                 pixel += size.width;
             }
             reader.end(|face| face, &mut band);
-            bands.push(band);
+            coverage.add_centers(&band);
         }
-        coverage.join_centers(bands.iter());
+        coverage.end_centers();
         Ok(coverage)
     }
 
-    /// Joins what was seen at pixel centres in the bands, from the top.
-    pub(crate) fn join_centers<'a>(&mut self, bands: impl Iterator<Item = &'a BandRuns>) {
-        let Self { centers, by_pixel, row_starts, covered, .. } = self;
+    /// Forgets what is seen, to find it anew: [`Coverage::add_centers`] for each band from the top, and then
+    /// [`Coverage::end_centers`].
+    pub(crate) fn begin_centers(&mut self) {
+        let Self { centers, by_pixel, row_starts, covered, pieces, .. } = self;
         centers.clear();
         by_pixel.clear();
         row_starts.clear();
         covered.clear();
-        for band in bands {
-            let before = centers.runs.len() as u32;
-            centers.add_band(&band.runs);
-            by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
-            row_starts.extend(band.row_starts.iter().map(|start| before + start));
-            covered.extend(&band.covered);
-        }
-        row_starts.push(centers.runs.len() as u32);
+        pieces.clear();
+    }
+
+    /// Adds what is seen at pixel centres in the next band.
+    pub(crate) fn add_centers(&mut self, band: &BandRuns) {
+        let Self { centers, by_pixel, row_starts, covered, .. } = self;
+        let before = centers.runs.len() as u32;
+        centers.add_band(&band.runs);
+        by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
+        row_starts.extend(band.row_starts.iter().map(|start| before + start));
+        covered.extend(&band.covered);
+    }
+
+    /// Ends what was begun.
+    pub(crate) fn end_centers(&mut self) {
+        self.row_starts.push(self.centers.runs.len() as u32);
     }
 
     /// The number of fragments, N.

@@ -38,6 +38,7 @@ use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
 use crate::runs::Runs;
+use crate::scratch::Workbench;
 use crate::size::Size;
 
 /// How the barycentrics of each fragment change from pixel to pixel: `[N, 2, 2]`, with du/dx, du/dy,
@@ -159,7 +160,8 @@ fn dot<S: Scalar>(a: [[S; 2]; 2], b: [[S; 2]; 2]) -> S {
 }
 
 impl<T: Scalar> Op<T> for Differentials {
-    type Saved = ();
+    /// Memory for sums over faces.
+    type Saved = Workbench<Vec<T>>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -170,7 +172,7 @@ impl<T: Scalar> Op<T> for Differentials {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _rows: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (coverage, clip, uv) = (&*self.coverage, inputs.data(0), inputs.data(1));
         let uv = uv.as_chunks::<2>().0;
@@ -196,7 +198,12 @@ impl<T: Scalar> Op<T> for Differentials {
         Keep::NOTHING.input(0).input(1)
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        rows: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let (coverage, clip) = (&*self.coverage, kept.input(0));
         let uv = kept.input(1).as_chunks::<2>().0;
         let bars = kept.only_upstream().as_chunks::<4>().0;
@@ -204,7 +211,7 @@ impl<T: Scalar> Op<T> for Differentials {
             for (runs, first) in coverage.kinds() {
                 let pull_back =
                     PullBack { coverage, runs, clip, uv: &uv[first..], bars: &bars[first..] };
-                Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+                Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back, rows);
             }
         }
         if let Some(uv_bar) = gradients.get(1) {

@@ -17,10 +17,11 @@ use bokashi_core::{Accumulator, Scalar};
 
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
-use crate::edge_functions::{LocalFace, has_even_vertices};
+use crate::edge_functions::{LocalFace, are_even, has_even_vertices};
 use crate::face_sums::{MANY, Terms, Values, are_finite, sum_weighted};
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
+use crate::scratch::Workbench;
 use crate::size::Size;
 
 /// What the gradients of three channels at the centres of pixels lead to.
@@ -35,9 +36,12 @@ pub(crate) struct DirectGradients<'a, T> {
     pub(crate) s_bar: &'a [[T; 3]],
 }
 
+/// Lists of the gradients of faces' vertices, where bands are worked on at the same time.
+pub(crate) type FaceLists<T> = Workbench<Vec<Option<FaceBars<T>>>>;
+
 /// The gradients of a face's vertices.
-#[derive(Clone, Copy)]
-struct FaceBars<T> {
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FaceBars<T> {
     /// Of x, y and w.
     clip: [[T; 3]; 3],
     attributes: [[T; 3]; 3],
@@ -53,16 +57,13 @@ impl<T: Scalar> DirectGradients<'_, T> {
     /// Whether the third weight of every face has its digits, and no vertex is so far or near that it is multiplied.
     pub(crate) fn has_even_weights(&self) -> bool {
         let Coverage { mesh, size, centers, .. } = self.coverage;
-        centers.slots.iter().all(|slot| {
-            let vertices = mesh.faces()[slot.face as usize].map(|vertex| {
-                let [x, y, _, w] = self.clip[vertex as usize];
-                Vertex::unscaled([x, y, w], *size)
-            });
-            let [p, q, r] = vertices.map(|vertex| vertex.w.to_f64());
-            let (least, largest) = (p.min(q).min(r), p.max(q).max(r));
-            // The coordinates of even vertices are at most some times their w.
-            has_even_vertices(&vertices, *size) & (least >= 1e-60) & (largest < 1e58)
-        })
+        let vertex = |[x, y, _, w]: [T; 4]| Vertex::unscaled([x, y, w], *size);
+        // Mostly it holds for any three vertices, which are read faster in their order.
+        are_even(self.clip.iter().map(|&clip| vertex(clip)), *size)
+            || centers.slots.iter().all(|slot| {
+                let face = mesh.faces()[slot.face as usize];
+                are_even(face.map(|index| vertex(self.clip[index as usize])), *size)
+            })
     }
 
     /// Adds to the gradients of the clip positions, `[V, 4]`, and where it is wanted to that of the attributes, which has
@@ -72,7 +73,8 @@ impl<T: Scalar> DirectGradients<'_, T> {
         &self,
         clip_bar: &mut Accumulator<T>,
         attributes_bar: Option<&mut Accumulator<T>>,
-        add_attributes: impl Fn(&mut [T], usize),
+        lists: &FaceLists<T>,
+        add_attributes: impl Fn(&mut [T], usize) + Sync,
     ) -> Vec<usize> {
         let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
         let mut attributes_bar =
@@ -95,12 +97,14 @@ impl<T: Scalar> DirectGradients<'_, T> {
         };
         if centers.is_shared() {
             let work = |slots: Range<usize>, _: usize, _: &mut [T]| {
-                let mut all_bars = Vec::with_capacity(slots.len());
+                let mut all_bars = lists.take();
+                all_bars.clear();
                 self.walk(slots.clone(), &mut |_, bars| all_bars.push(bars.copied()));
                 (slots, all_bars)
             };
             centers.merge_bands_mut(0, &mut [], work, |(slots, all_bars)| {
                 slots.zip(&all_bars).for_each(|(slot, bars)| add(slot, bars.as_ref()));
+                lists.put_back(all_bars);
             });
         } else {
             self.walk(0..centers.slots.len(), &mut add);

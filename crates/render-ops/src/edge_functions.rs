@@ -15,7 +15,7 @@
 use bokashi_core::Scalar;
 
 use crate::homogeneous::{Vertex, cross, edge};
-use crate::order::{largest, least};
+use crate::order::{largest, least, smaller};
 use crate::size::Size;
 
 /// A face around the centre of one of its pixels.
@@ -178,6 +178,23 @@ pub(crate) fn has_even_vertices<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size
     let [p, q, r] = vertices.map(|vertex| vertex.w);
     let are_near = vertices.iter().fold(true, |all, vertex| all & is_near(vertex, size));
     are_near & (largest([p, q, r]) < S::from_f64(EVEN_DEPTHS) * least([p, q, r]))
+}
+
+/// Whether [`has_even_vertices`] holds for any three of these vertices, and products of their depths are in range.
+#[inline(always)]
+pub(crate) fn are_even<S: Scalar>(
+    vertices: impl IntoIterator<Item = Vertex<S>>,
+    size: Size,
+) -> bool {
+    let (mut are_near, mut least, mut largest) = (true, S::from_f64(f64::INFINITY), S::ZERO);
+    for vertex in vertices {
+        are_near &= is_near(&vertex, size);
+        least = smaller(vertex.w, least);
+        largest = if vertex.w > largest { vertex.w } else { largest };
+    }
+    // The coordinates of even vertices are at most some times their w.
+    let is_in_range = (least >= S::from_f64(1e-60)) & (largest < S::from_f64(1e58));
+    are_near & is_in_range & (largest < S::from_f64(EVEN_DEPTHS) * least)
 }
 
 /// Whether a vertex is within [`EVEN_EXTENTS`].

@@ -26,6 +26,7 @@ use crate::face_sums::{FaceSums, Layout, add_term};
 use crate::fragments::Fragments;
 use crate::homogeneous::Vertex;
 use crate::runs::Run;
+use crate::scratch::Workbench;
 
 /// Which quotient it is.
 pub(crate) trait Quotient: Send + Sync + 'static {
@@ -84,7 +85,8 @@ fn quotient<S: Scalar>([p, q, r]: &[[S; 2]; 3], a: [S; 3]) -> [S; 2] {
 }
 
 impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
-    type Saved = ();
+    /// Memory for sums over faces.
+    type Saved = Workbench<Vec<T>>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -95,7 +97,7 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _rows: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (coverage, clip) = (&*self.coverage, inputs.data(0));
         let values = outputs.push([coverage.count()]);
@@ -130,7 +132,12 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         Keep::NOTHING.input(0).input_if(1, inputs.len() == 2)
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        rows: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let (coverage, clip, bars) = (&*self.coverage, kept.input(0), kept.only_upstream());
         let pieces = |barycentrics| {
             let mean = move |run: &Run| {
@@ -146,7 +153,7 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         if let Some(clip_bar) = gradients.get(0) {
             let pull_back = PullBack::<T, Q> { coverage, clip, bars, quotient: PhantomData };
             let runs = &coverage.centers;
-            Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+            Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back, rows);
             if kept.input_count() == 2 {
                 let entries = clip_bar.entries();
                 for (mean, bar, _) in pieces(kept.input(1)) {

@@ -7,7 +7,8 @@
 //! ```text
 //! Layout::add_to, add_to_and_visit       with 3 or 4 numbers per vertex as arrays, otherwise as slices
 //!   |-- one thread:       walk(all slots), and each face's rows go to its vertices at once
-//!   `-- several threads:  walk(slots of a band) into a list of rows; lists are added in the order of bands
+//!   `-- several threads:  walk(slots of a band) into a list of rows; one thread adds the lists that are there, in the
+//!                         order of bands, while the others go on
 //!
 //! walk, for each slot                    a face with its fragments in a band
 //!   |-- visit             what else the caller does with them, while they are in the cache
@@ -22,6 +23,7 @@ use smallvec::{SmallVec, smallvec};
 
 use crate::mesh::Mesh;
 use crate::runs::Runs;
+use crate::scratch::Workbench;
 
 /// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and so
 /// is the entry from then on. A later infinite term of the opposite sign leaves the entry as it is,
@@ -167,8 +169,9 @@ impl Layout<'_> {
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
+        lists: &Workbench<Vec<T>>,
     ) {
-        self.add_to_and_visit(gradient, by_face, &mut [], |_, _, _| ());
+        self.add_to_and_visit(gradient, by_face, lists, &mut [], |_, _, _| ());
     }
 
     /// Adds the gradients of the vertices of one slot to `vertices: [V, width]`.
@@ -191,6 +194,7 @@ impl Layout<'_> {
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
+        lists: &Workbench<Vec<T>>,
         entries: &mut [T],
         visit: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
@@ -198,19 +202,17 @@ impl Layout<'_> {
         let length = 3 * self.width;
         match self.width {
             3 => {
-                self.add_rows(gradient, by_face, entries, visit, ([T::Wide::ZERO; 9], [T::ZERO; 9]))
+                let memory = ([T::Wide::ZERO; 9], [T::ZERO; 9]);
+                self.add_rows(gradient, by_face, lists, entries, visit, memory);
             }
-            4 => self.add_rows(
-                gradient,
-                by_face,
-                entries,
-                visit,
-                ([T::Wide::ZERO; 12], [T::ZERO; 12]),
-            ),
+            4 => {
+                let memory = ([T::Wide::ZERO; 12], [T::ZERO; 12]);
+                self.add_rows(gradient, by_face, lists, entries, visit, memory);
+            }
             _ => {
                 let wide: SmallVec<[T::Wide; 24]> = smallvec![T::Wide::ZERO; length];
                 let narrow: SmallVec<[T; 24]> = smallvec![T::ZERO; length];
-                self.add_rows(gradient, by_face, entries, visit, (wide, narrow));
+                self.add_rows(gradient, by_face, lists, entries, visit, (wide, narrow));
             }
         }
     }
@@ -220,6 +222,7 @@ impl Layout<'_> {
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
+        lists: &Workbench<Vec<T>>,
         entries: &mut [T],
         visit: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
         memory: (W, N),
@@ -231,7 +234,8 @@ impl Layout<'_> {
             return self.walk(slots, by_face, entries, &visit, memory, &mut add);
         }
         let work = |slots: Range<usize>, _: usize, band_entries: &mut [T]| {
-            let mut all_rows = Vec::with_capacity(slots.len() * 3 * self.width);
+            let mut all_rows = lists.take();
+            all_rows.clear();
             let memory = memory.clone();
             self.walk(slots, by_face, band_entries, &visit, memory, &mut |_, rows: &[T]| {
                 all_rows.extend_from_slice(rows);
@@ -244,6 +248,7 @@ impl Layout<'_> {
             for (rows, slot) in all_rows.chunks_exact(length).zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
+            lists.put_back(all_rows);
         });
     }
 

@@ -16,11 +16,12 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 use std::ops::Range;
 
 use crate::attributes::Attributes;
-use crate::direct_gradients::DirectGradients;
+use crate::direct_gradients::{DirectGradients, FaceLists};
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout, Values, sum_weighted};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
+use crate::scratch::Workbench;
 
 /// Vertex attributes `[V, C]` at the fragments: `[N, C]`.
 ///
@@ -93,8 +94,15 @@ struct Interpolate {
     is_direct: bool,
 }
 
+/// Memory for sums over faces.
+#[derive(Debug, Default)]
+struct Lists<T> {
+    direct: FaceLists<T>,
+    rows: Workbench<Vec<T>>,
+}
+
 impl<T: Scalar> Op<T> for Interpolate {
-    type Saved = ();
+    type Saved = Lists<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -105,7 +113,7 @@ impl<T: Scalar> Op<T> for Interpolate {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _lists: &mut Lists<T>,
     ) -> Result<(), RenderError> {
         let channels = self.shown.channels("interpolate", inputs.shape(0))?;
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
@@ -128,14 +136,19 @@ impl<T: Scalar> Op<T> for Interpolate {
         keep.input_if(0, inputs.needs(1)).input_if(2, self.is_direct)
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        lists: &mut Lists<T>,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         // Who asks for the gradient of the barycentrics gets it.
         if self.is_direct && gradients.needs(2) && !gradients.is_result(1) {
             let direct = self.direct(kept);
             if direct.has_even_weights() {
-                return self.pull_back_directly(&direct, kept, gradients);
+                return self.pull_back_directly(&direct, kept, lists, gradients);
             }
         }
         let mut barycentrics_bar = gradients.take(1);
@@ -149,6 +162,7 @@ impl<T: Scalar> Op<T> for Interpolate {
                     layout.add_to_and_visit(
                         attributes_bar,
                         &shares,
+                        &lists.rows,
                         uv_bar,
                         #[inline(always)]
                         |slot, fragments, uv_bar| {
@@ -163,7 +177,7 @@ impl<T: Scalar> Op<T> for Interpolate {
             }
             (Some(attributes_bar), None) => {
                 for (layout, shares) in self.shares(kept.input(1), s_bar, channels) {
-                    layout.add_to(attributes_bar, &shares);
+                    layout.add_to(attributes_bar, &shares, &lists.rows);
                 }
             }
             (None, Some((uv_bar, is_fresh))) => self.shown.for_each_face_mut(
@@ -202,6 +216,7 @@ impl Interpolate {
         &self,
         direct: &DirectGradients<'_, T>,
         kept: &Kept<'_, T>,
+        lists: &Lists<T>,
         gradients: &mut Accumulators<'_, T>,
     ) {
         let coverage = &*self.shown.coverage;
@@ -210,7 +225,8 @@ impl Interpolate {
         let clip_bar = gradients.get(2).expect("it is wanted");
         let [(centers, shares), (pieces, shares_of_pieces)] = self.shares(uv, s_bar, 3);
         let add_attributes = |entries: &mut [T], slot| centers.add_slot(entries, &shares, slot);
-        let left_out = direct.add_to(clip_bar, attributes_bar.as_mut(), add_attributes);
+        let left_out =
+            direct.add_to(clip_bar, attributes_bar.as_mut(), &lists.direct, add_attributes);
         // Through `rasterize` go those that are left out, and the pieces of boundary pixels.
         if !left_out.is_empty() || coverage.pieces.count > 0 {
             let uv_bar = gradients.get(1).expect("what it leads to is wanted").entries();
@@ -228,7 +244,10 @@ impl Interpolate {
                 pull_back_face(corners, s_bar, uv_bar, false);
             };
             match &mut attributes_bar {
-                Some(bar) => pieces.add_to_and_visit(bar, &shares_of_pieces, of_pieces, visit),
+                Some(bar) => {
+                    let (shares, rows) = (&shares_of_pieces, &lists.rows);
+                    pieces.add_to_and_visit(bar, shares, rows, of_pieces, visit);
+                }
                 None => pieces.runs.for_each_slot_mut(2, of_pieces, visit),
             }
         }

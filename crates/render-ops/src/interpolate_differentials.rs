@@ -18,6 +18,7 @@ use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
+use crate::scratch::Workbench;
 
 const NAME: &str = "interpolate_differentials";
 
@@ -61,7 +62,8 @@ pub fn interpolate_differentials_indexed<'t, T: Scalar>(
 struct InterpolateDifferentials(Attributes);
 
 impl<T: Scalar> Op<T> for InterpolateDifferentials {
-    type Saved = ();
+    /// Memory for sums over faces.
+    type Saved = Workbench<Vec<T>>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -72,7 +74,7 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _rows: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let channels = self.0.channels(NAME, inputs.shape(0))?;
         let count = self.0.coverage.count();
@@ -105,7 +107,12 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
         Keep::NOTHING.input_if(1, inputs.needs(0)).input_if(0, inputs.needs(1))
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        rows: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let bars = kept.only_upstream().as_chunks::<2>().0;
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
@@ -113,8 +120,11 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
             for (runs, first) in self.0.coverage.kinds() {
                 let (slopes, bars) = (&slopes[first..], &bars[first * channels..]);
                 let shares = Shares { slopes, bars, channels };
-                Layout { runs, mesh: &self.0.indices, width: channels }
-                    .add_to(attributes_bar, &shares);
+                Layout { runs, mesh: &self.0.indices, width: channels }.add_to(
+                    attributes_bar,
+                    &shares,
+                    rows,
+                );
             }
         }
         if let Some(slopes_bar) = gradients.get(1) {

@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_item_mut, is_shared};
+use bokashi_core::parallel::{is_shared, merge_each};
 
 use crate::dispatch::dispatch;
 use crate::size::Size;
@@ -17,6 +17,13 @@ use crate::size::Size;
 /// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
 /// is enough work to be worth a thread.
 const PIXELS_PER_BAND: usize = 1 << 14;
+
+/// The work on bands from which on it is shared by several threads: that on so many fragments. Some loops then take 3 us,
+/// less than to wake a thread, but it stays awake from one loop to the next.
+pub(crate) const WORK_TO_SHARE: usize = 12_000;
+
+/// A face takes as long as so many fragments or pixels.
+pub(crate) const WORK_OF_FACE: usize = 32;
 
 /// The rows in a band of an image of this size; the last band may have fewer.
 pub(crate) fn rows_per_band(size: Size) -> usize {
@@ -100,7 +107,15 @@ impl Runs {
 
     /// Whether bands are worked on at the same time.
     pub(crate) fn is_shared(&self) -> bool {
-        is_shared(self.bands(), 1)
+        self.are_shared(0..self.bands())
+    }
+
+    /// Whether some bands are worked on at the same time.
+    fn are_shared(&self, bands: Range<usize>) -> bool {
+        let count = bands.len();
+        let slots = self.slots_of(bands);
+        let work = WORK_OF_FACE * slots.len() + self.fragments_of(slots).len();
+        count > 1 && is_shared(work, WORK_TO_SHARE)
     }
 
     /// The slots of some bands.
@@ -223,7 +238,7 @@ impl Runs {
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
-        merge: impl FnMut(R),
+        merge: impl FnMut(R) + Send,
     ) {
         self.merge_some_bands_mut(0..self.bands(), width, entries, work, merge);
     }
@@ -235,12 +250,12 @@ impl Runs {
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
-        mut merge: impl FnMut(R),
+        merge: impl FnMut(R) + Send,
     ) {
         // Where none of the bands has a fragment, it does not matter.
         let mut first = self.fragments_of(self.slots_of(bands.clone())).start;
         let mut rest = &mut entries[first * width..];
-        let is_shared = is_shared(bands.len(), 1);
+        let are_shared = self.are_shared(bands.clone());
         let bands = bands.map(|band| {
             let slots = self.slots_of(band..band + 1);
             let count = self.fragments_of(slots.clone()).len();
@@ -249,14 +264,8 @@ impl Runs {
             first += count;
             (slots, first - count, entries)
         });
-        if !is_shared {
-            return bands.for_each(|(slots, first, entries)| merge(work(slots, first, entries)));
-        }
-        let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();
-        for_each_item_mut(&mut pieces, |_, ((slots, first, entries), result)| {
-            *result = Some(work(slots.clone(), *first, entries));
-        });
-        pieces.into_iter().filter_map(|(_, result)| result).for_each(merge);
+        let work = |(slots, first, entries): (_, _, _)| work(slots, first, entries);
+        merge_each(are_shared, bands, work, merge);
     }
 
     /// The bytes that it holds, for reports.

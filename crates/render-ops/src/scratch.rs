@@ -10,10 +10,20 @@ pub(crate) struct Workbench<M>(Mutex<Vec<M>>);
 impl<M: Default> Workbench<M> {
     /// Does a piece of work with memory of its own, which holds what some earlier piece left.
     pub(crate) fn with<R>(&self, work: impl FnOnce(&mut M) -> R) -> R {
-        let mut memory = self.lock().pop().unwrap_or_default();
+        let mut memory = self.take();
         let result = work(&mut memory);
-        self.lock().push(memory);
+        self.put_back(memory);
         result
+    }
+
+    /// Takes memory out, which holds what some earlier piece left, for longer than a piece of work.
+    pub(crate) fn take(&self) -> M {
+        self.lock().pop().unwrap_or_default()
+    }
+
+    /// Keeps memory for later.
+    pub(crate) fn put_back(&self, memory: M) {
+        self.lock().push(memory);
     }
 
     /// The sum of `size` over all memory that is kept.

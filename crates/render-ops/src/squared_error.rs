@@ -11,6 +11,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use bokashi_core::parallel::join;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use crate::coverage::Coverage;
@@ -86,6 +87,17 @@ fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
 }
 
 impl<T: Scalar> SquaredError<T> {
+    /// The sum of the squared errors of all pixels; writes `2 (x - r): [P, C]`. What is seen of the background is listed
+    /// in `gaps`.
+    fn total(&self, x: &[T], slopes: &mut [T], gaps: &mut Vec<T::Wide>) -> T::Wide {
+        gaps.clear();
+        let list_gaps =
+            || self.coverage.for_each_gap(self.rim(), |gap| gaps.push(self.loss.behind(gap)));
+        let are_shared = self.coverage.centers.is_shared();
+        let (total, ()) = join(are_shared, || self.compare(x, slopes), list_gaps);
+        gaps.iter().fold(total, |total, &gap| total + gap)
+    }
+
     /// Writes `2 (x - r): [P, C]`; returns the sum of the squared errors of the picture's pixels.
     fn compare(&self, x: &[T], slopes: &mut [T]) -> T::Wide {
         let reference = self.loss.reference();
@@ -131,9 +143,17 @@ impl<T: Scalar> SquaredError<T> {
     }
 }
 
-impl<T: Scalar> Op<T> for SquaredError<T> {
+/// What is kept of a forward pass, and memory.
+#[derive(Debug, Default)]
+struct SavedSlopes<T: Scalar> {
     /// Twice the differences, `2 (x - r): [P, C]`; nothing where they were given to a gradient.
-    type Saved = Option<Vec<T>>;
+    slopes: Option<Vec<T>>,
+    /// Memory: the errors of gaps between the picture's pixels.
+    gaps: Vec<T::Wide>,
+}
+
+impl<T: Scalar> Op<T> for SquaredError<T> {
+    type Saved = SavedSlopes<T>;
     type Error = TensorError;
 
     fn name(&self) -> &'static str {
@@ -144,15 +164,14 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        slopes: &mut Self::Saved,
+        SavedSlopes { slopes, gaps }: &mut Self::Saved,
     ) -> Result<(), TensorError> {
         let x = inputs.data(0);
         let slopes = slopes.get_or_insert_with(|| outputs.buffer(x.len()));
         if slopes.len() != x.len() {
             slopes.resize(x.len(), T::ZERO);
         }
-        let mut total = self.compare(x, slopes);
-        self.coverage.for_each_gap(self.rim(), |gap| total += self.loss.behind(gap));
+        let total = self.total(x, slopes, gaps);
         outputs.push([])[0] = T::narrow(total);
         Ok(())
     }
@@ -164,7 +183,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        slopes: &mut Self::Saved,
+        SavedSlopes { slopes, .. }: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
         let slopes_now = slopes.take().unwrap_or_else(|| {
@@ -183,7 +202,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         *slopes = Some(slopes_now);
     }
 
-    fn saved_bytes(&self, slopes: &Self::Saved) -> usize {
+    fn saved_bytes(&self, SavedSlopes { slopes, .. }: &Self::Saved) -> usize {
         size_of_val(slopes.as_deref().unwrap_or_default())
     }
 }

@@ -1,9 +1,14 @@
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::sleep;
+use std::time::Duration;
 
 use bokashi_core::parallel::{
     ENTRIES_PER_PIECE, alone, for_each_piece_mut, for_each_two_pieces_mut, for_each_zipped_mut,
-    is_shared, join, merge_ranges, merge_ranges_into, threads, with_threads, write_each,
+    is_shared, join, merge_each, merge_ranges, merge_ranges_into, threads, with_threads,
+    write_each,
 };
+use rayon::ThreadPoolBuilder;
 
 #[test]
 fn pieces_cover_everything_once_and_in_order() {
@@ -44,7 +49,7 @@ fn what_runs_alone_is_shared_with_no_other_thread_and_a_panic_ends_that() {
     alone(|| {
         assert_eq!(threads(), 1);
         alone(|| assert!(!is_shared(10, 1)));
-        assert_eq!(join(threads, || 2), (1, 2));
+        assert_eq!(join(true, threads, || 2), (1, 2));
     });
     assert!(std::panic::catch_unwind(|| alone(|| panic!("on purpose"))).is_err());
     assert_eq!(threads(), before);
@@ -93,4 +98,65 @@ fn work_runs_on_as_many_threads_as_asked_for_and_pools_are_kept() {
         });
         assert!((0..).zip(sums).all(|(k, sum)| sum == k / 7));
     }
+}
+
+fn on(threads: usize, work: impl FnOnce() + Send) {
+    ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work);
+}
+
+#[test]
+fn results_are_merged_in_their_order_however_long_the_work_takes() {
+    for threads in [1, 2, 3, 8] {
+        for count in [0, 1, 2, 7, 100] {
+            on(threads, || {
+                let work = |k: usize| {
+                    sleep(Duration::from_micros((k * 7919 % 5) as u64 * 50));
+                    k
+                };
+                let mut merged = Vec::new();
+                merge_each(true, 0..count, work, |k| merged.push(k));
+                assert!(merged.into_iter().eq(0..count), "{count} on {threads} threads");
+            });
+        }
+    }
+}
+
+#[test]
+fn results_are_merged_while_other_items_are_worked_on() {
+    let merged = AtomicUsize::new(0);
+    on(2, || {
+        let work = |k: usize| {
+            // The last one ends after the first one was merged.
+            let is_over = || k < 9 || merged.load(Ordering::SeqCst) > 0;
+            (0..20_000).any(|_| {
+                is_over() || {
+                    sleep(Duration::from_micros(100));
+                    false
+                }
+            })
+        };
+        merge_each(true, 0..10, work, |is_over| {
+            assert!(is_over, "nothing was merged in two seconds");
+            merged.fetch_add(1, Ordering::SeqCst);
+        });
+    });
+    assert_eq!(merged.into_inner(), 10);
+}
+
+#[test]
+fn a_panic_in_work_or_in_merging_reaches_the_caller() {
+    let panics = |in_work: bool| {
+        let run = || {
+            on(2, || {
+                let mut count = 0;
+                let work = |k: usize| assert!(k != 7 || !in_work, "on purpose");
+                merge_each(true, 0..20, work, |()| {
+                    count += 1;
+                    assert!(count < 12 || in_work, "on purpose");
+                });
+            });
+        };
+        std::panic::catch_unwind(run).is_err()
+    };
+    assert!(panics(true) && panics(false));
 }

@@ -41,9 +41,7 @@ mod sorting;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{
-    for_each_piece_mut, for_each_zipped_mut, is_shared, merge_ranges_into,
-};
+use bokashi_core::parallel::{for_each_zipped_mut, is_shared, join, merge_each};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 pub use self::dense::antialias_image;
@@ -58,6 +56,7 @@ use crate::error::RenderError;
 use crate::face_sums::add_term;
 use crate::picture::{Composite, Picture};
 use crate::runs::Run;
+use crate::scratch::Workbench;
 use crate::size::Size;
 
 /// The picture with the silhouettes of its faces antialiased, for pictures of one fragment per pixel,
@@ -112,9 +111,9 @@ struct SavedBlends<T: Scalar> {
     shares: Vec<T>,
     /// Memory: per blend the gradients of its edge's vertices.
     bars: Vec<EdgeBars<T>>,
-    /// Memory: what is found at all silhouettes, and at those of pieces of the slots.
+    /// Memory: what is found at all silhouettes, and at those of a band.
     found: Vec<Found<T::Wide>>,
-    pieces: Vec<Vec<Found<T::Wide>>>,
+    lists: Workbench<Vec<Found<T::Wide>>>,
     /// Memory: the order of what is found.
     order: Sorting,
 }
@@ -143,12 +142,14 @@ struct Found<S> {
 /// The gradients with respect to clip (x, y, w) of an edge's two vertices.
 type EdgeBars<T> = [[T; 3]; 2];
 
-/// Blends in one piece of work: some tens of microseconds.
-const BLENDS_PER_PIECE: usize = 1 << 9;
+/// Blends in one piece of work: some microseconds.
+const BLENDS_PER_PIECE: usize = 1 << 6;
 
-/// Slots in one piece of the search.
-// The test of outlines in pieces repeats it.
-const SLOTS_PER_PIECE: usize = 1 << 11;
+/// From so many blends on they are shared by several threads.
+const BLENDS_TO_SHARE: usize = 1 << 8;
+
+/// From so many blends on one thread divides shares while another copies values.
+const BLENDS_TO_DIVIDE: usize = 1 << 12;
 
 /// The lines of blends in a row of the image.
 const LINES: usize = 3;
@@ -159,18 +160,21 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> SavedBlends<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, found, pieces, order, .. } = self;
-        let view = Silhouettes { coverage, clip };
-        let count = coverage.centers.slots.len();
+        let Self { blends, rows, found, lists, order, .. } = self;
+        let (view, centers) = (Silhouettes { coverage, clip }, &coverage.centers);
         found.clear();
-        if is_shared(count, SLOTS_PER_PIECE) {
-            let work = |slots: Range<usize>, piece: &mut Vec<_>| {
-                piece.clear();
-                view.find(slots, piece);
+        if centers.is_shared() {
+            let work = |slots: Range<usize>, _: usize, _: &mut [T]| {
+                let mut of_band = lists.take();
+                view.find(slots, &mut of_band);
+                of_band
             };
-            merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| found.append(piece));
+            centers.merge_bands_mut(0, &mut [], work, |mut of_band| {
+                found.append(&mut of_band);
+                lists.put_back(of_band);
+            });
         } else {
-            view.find(0..count, found);
+            view.find(0..centers.slots.len(), found);
         }
         let Size { width, height } = coverage.size();
         order.start(found.len());
@@ -287,15 +291,26 @@ impl<T: Scalar> SavedBlends<T> {
         clip_bar: &mut [T],
     ) {
         let mut bars = std::mem::take(&mut self.bars);
-        self.pull_back(out_bar, channels, clip, size, &mut bars);
-        for (blend, bars) in self.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped) {
-            for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
-                let row = &mut clip_bar[4 * vertex as usize..][..4];
-                add_term(&mut row[0], x_bar);
-                add_term(&mut row[1], y_bar);
-                add_term(&mut row[3], w_bar);
+        bars.resize(self.blends.len(), [[T::ZERO; 3]; 2]);
+        let work = |(piece, bars): (usize, _)| {
+            let bars: &mut [EdgeBars<T>] = bars;
+            let first = piece * BLENDS_PER_PIECE;
+            self.pull_back(first, out_bar, channels, (clip, size), bars);
+            (first, &*bars)
+        };
+        let pieces = bars.chunks_mut(BLENDS_PER_PIECE).enumerate();
+        let are_shared = is_shared(self.blends.len(), BLENDS_TO_SHARE);
+        merge_each(are_shared, pieces, work, |(first, bars)| {
+            let blends = self.blends[first..].iter().zip(bars);
+            for (blend, bars) in blends.filter(|(blend, _)| !blend.clamped) {
+                for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
+                    let row = &mut clip_bar[4 * vertex as usize..][..4];
+                    add_term(&mut row[0], x_bar);
+                    add_term(&mut row[1], y_bar);
+                    add_term(&mut row[3], w_bar);
+                }
             }
-        }
+        });
         self.bars = bars;
     }
 
@@ -324,40 +339,36 @@ impl<T: Scalar> SavedBlends<T> {
         }
     }
 
-    /// The gradients of the blends' edges, in their order, as if none were clamped.
+    /// The gradients of the edges of some blends from `first` on, in their order, as if none were clamped.
     fn pull_back(
         &self,
+        first: usize,
         out_bar: &[T],
         channels: usize,
-        clip: &[T],
-        size: Size,
-        bars: &mut Vec<EdgeBars<T>>,
+        (clip, size): (&[T], Size),
+        bars: &mut [EdgeBars<T>],
     ) {
-        bars.resize(self.blends.len(), [[T::ZERO; 3]; 2]);
-        for_each_piece_mut(bars, BLENDS_PER_PIECE, |piece, bars| {
-            let first = piece * BLENDS_PER_PIECE;
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    with_channels(
-                        channels,
-                        #[inline(always)]
-                        |channels| {
-                            let steps = self.steps[first * channels..].chunks_exact(channels);
-                            let placed = self.placed_from(first, channels).zip(steps);
-                            for (((blend, _, target), steps), bars) in placed.zip(&mut *bars) {
-                                let terms = steps.iter().zip(&out_bar[target..][..channels]);
-                                let alpha_bar =
-                                    terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
-                                *bars = blend
-                                    .pull_back(alpha_bar, clip, size)
-                                    .map(|bar| bar.map(T::narrow));
-                            }
-                        },
-                    );
-                },
-            );
-        });
+        dispatch_256::<T, _>(
+            #[inline(always)]
+            || {
+                with_channels(
+                    channels,
+                    #[inline(always)]
+                    |channels| {
+                        let steps = self.steps[first * channels..].chunks_exact(channels);
+                        let placed = self.placed_from(first, channels).zip(steps);
+                        for (((blend, _, target), steps), bars) in placed.zip(&mut *bars) {
+                            let terms = steps.iter().zip(&out_bar[target..][..channels]);
+                            let alpha_bar =
+                                terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
+                            *bars = blend
+                                .pull_back(alpha_bar, clip, size)
+                                .map(|bar| bar.map(T::narrow));
+                        }
+                    },
+                );
+            },
+        );
     }
 
     /// Finds alpha times what is upstream of the blended pixels.
@@ -619,14 +630,15 @@ impl<T: Scalar> Op<T> for Antialias {
             return Ok(());
         }
         saved.find_rows(coverage);
-        saved.divide();
         let (input, background) = (inputs.data(1), inputs.data(2));
         let channels = inputs.shape(1)[1];
-        let rim = saved.rim.as_deref().expect("it was just found");
+        let rim = saved.rim.clone().expect("it was just found");
         let out = outputs.push([coverage.count() + rim.len(), channels]);
         let (values, rim_values) = out.split_at_mut(input.len());
-        for_each_zipped_mut(values, [input], |value, [input]| *value = input);
-        for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
+        let are_shared = is_shared(saved.blends.len(), BLENDS_TO_DIVIDE);
+        let copy = || for_each_zipped_mut(values, [input], |value, [input]| *value = input);
+        join(are_shared, || saved.divide(), copy);
+        for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(&*rim) {
             self.kind.fill(value, background, channels, pixel as usize);
         }
         saved.blend(out, channels);

@@ -47,17 +47,15 @@ pub(super) struct Canvas<T: Scalar> {
     reader: RunReader,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling,
-    /// Per layer: the bands.
-    pub(super) bands: Vec<Vec<Band<T>>>,
 }
 
-/// The work on a canvas: it draws every `step`-th band from `first` on.
+/// The work of drawing a band and of reading its layers.
 pub(super) struct Draw<'a, T: Scalar> {
     pub(super) canvas: &'a mut Canvas<T>,
     pub(super) view: &'a Prepared<'a, T>,
-    pub(super) faces: &'a [Vec<u32>],
-    pub(super) first: usize,
-    pub(super) step: usize,
+    pub(super) rows: Range<usize>,
+    pub(super) faces: &'a [u32],
+    pub(super) layers: &'a mut [Band<T>],
 }
 
 /// Not as a closure, which would not be compiled for the vectors that were found.
@@ -66,8 +64,8 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, simd: V) {
-        let Self { canvas, view, faces, first, step } = self;
-        canvas.run(simd, view, faces, (first..faces.len()).step_by(step));
+        let Self { canvas, view, rows, faces, layers } = self;
+        canvas.run(simd, view, rows, faces, layers);
     }
 }
 
@@ -116,29 +114,24 @@ impl<T: Scalar> Canvas<T> {
         &mut self,
         simd: V,
         view: &Prepared<'_, T>,
-        faces: &[Vec<u32>],
-        bands: impl ExactSizeIterator<Item = usize>,
+        rows: Range<usize>,
+        faces: &[u32],
+        layers: &mut [Band<T>],
     ) {
         self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
-        self.bands.resize_with(view.layers, Vec::new);
-        self.bands.iter_mut().for_each(|of_layer| of_layer.resize_with(bands.len(), Band::default));
-        for (index, band) in bands.enumerate() {
-            let first = band * view.rows;
-            let rows = first..(first + view.rows).min(view.size.height);
-            self.draw_layers(simd, view, rows.clone(), &faces[band]);
-            if view.sampling.has_pieces() {
-                self.resolve(view, index, rows.clone(), &faces[band]);
-            }
-            if view.front.is_some() {
-                self.plane.forget_rows(rows.len());
-            }
-            for layer in 0..view.layers {
-                let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
-                self.exchange_layer(behind);
-                self.read(view, (layer, index), rows.clone(), &faces[band]);
-                self.exchange_layer(behind);
-            }
+        self.draw_layers(simd, view, rows.clone(), faces);
+        if view.sampling.has_pieces() {
+            self.resolve(view, &mut layers[0], rows.clone(), faces);
+        }
+        if view.front.is_some() {
+            self.plane.forget_rows(rows.len());
+        }
+        for (layer, band) in layers.iter_mut().enumerate() {
+            let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
+            self.exchange_layer(behind);
+            self.read(view, band, rows.clone(), faces);
+            self.exchange_layer(behind);
         }
     }
 
@@ -233,22 +226,21 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Resolves the boundary pixels of band `band_index`, whose faces are `faces`; nothing is seen at their
-    /// centres then.
+    /// Resolves the boundary pixels of a band, whose faces are `faces`; nothing is seen at their centres then.
     #[inline(never)]
     fn resolve(
         &mut self,
         view: &Prepared<'_, T>,
-        band_index: usize,
+        band: &mut Band<T>,
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, bands, weights, were_settled, reader, .. } = self;
+        let Self { search, weights, were_settled, reader, .. } = self;
         resize(weights, faces.len(), Weights::default);
         for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
             *weights = view.weights(face as usize, was_settled);
         }
-        let Band { pieces, piece_fragments, .. } = &mut bands[0][band_index];
+        let Band { pieces, piece_fragments, .. } = band;
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
@@ -263,17 +255,17 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Reads the plane as the runs of a band of a layer, `of_band`, and forgets what was drawn there.
+    /// Reads the plane as the runs of a layer of a band, and forgets what was drawn there.
     #[inline(always)]
     fn read(
         &mut self,
         view: &Prepared<'_, T>,
-        of_band: (usize, usize),
+        band: &mut Band<T>,
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { plane, bands, reader, were_settled, .. } = self;
-        let Band { seen, weights, .. } = &mut bands[of_band.0][of_band.1];
+        let Self { plane, reader, were_settled, .. } = self;
+        let Band { seen, weights, .. } = band;
         reader.begin(faces.len(), seen);
         for (local, row) in rows.enumerate() {
             reader.begin_row(seen);

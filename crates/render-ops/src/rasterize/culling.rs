@@ -164,17 +164,37 @@ fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
 /// divisor of depths and weights.
 const LEAST_PRODUCT: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
-/// At least the [`rounding`] of any face.
-pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Size) -> S {
-    let mut largest = [S::ZERO; 3];
-    for Corner { vertex, .. } in corners {
-        for (largest, k) in largest.iter_mut().zip([vertex.x, vertex.y, vertex.w]) {
-            *largest = if k.abs() > *largest { k.abs() } else { *largest };
-        }
+/// The largest x, y and w of some vertices, apart from their signs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extents<S>([S; 3]);
+
+impl<S: Scalar> Default for Extents<S> {
+    fn default() -> Self {
+        Self([S::ZERO; 3])
     }
-    let [x, y, w] = largest;
-    let vertex = Vertex { x, y, z: S::ZERO, w };
-    S::from_f64(1.0 + 1e-12) * rounding([vertex; 3], size)
+}
+
+impl<S: Scalar<Wide = S>> Extents<S> {
+    pub(super) fn of(corners: &[Corner<S>]) -> Self {
+        let of_corner = |Corner { vertex, .. }: &Corner<S>| {
+            Self([vertex.x, vertex.y, vertex.w].map(|number| number.abs()))
+        };
+        corners.iter().map(of_corner).fold(Self::default(), Self::with)
+    }
+
+    /// Those of other vertices, too.
+    #[inline(always)]
+    pub(super) fn with(self, others: Self) -> Self {
+        let larger = |k: usize| if others.0[k] > self.0[k] { others.0[k] } else { self.0[k] };
+        Self([0, 1, 2].map(larger))
+    }
+
+    /// At least the [`rounding`] of any face of theirs.
+    pub(super) fn most_rounding(self, size: Size) -> S {
+        let [x, y, w] = self.0;
+        let vertex = Vertex { x, y, z: S::ZERO, w };
+        S::from_f64(1.0 + 1e-12) * rounding([vertex; 3], size)
+    }
 }
 
 /// How far beyond its centre a pixel is of interest.
@@ -195,7 +215,7 @@ mod tests {
         let size = Size::square(16);
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
-            let noise = most_rounding(&corners, size);
+            let noise = Extents::of(&corners).most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };
         // On a line but for rounding: in the image, and beside it, where faces are left out as outside.

@@ -87,6 +87,46 @@ pub(super) struct Filter {
     is_flat: bool,
 }
 
+/// What is asked of the depths of some vertices.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Depths {
+    /// Of tame vertices.
+    least: f64,
+    largest: f64,
+    /// Whether all depths are 0.
+    is_flat: bool,
+}
+
+impl Default for Depths {
+    fn default() -> Self {
+        Self { least: f64::INFINITY, largest: f64::NEG_INFINITY, is_flat: true }
+    }
+}
+
+impl Depths {
+    pub(super) fn of<S: Scalar<Wide = S>>(corners: &[Corner<S>]) -> Self {
+        let mut depths = Self::default();
+        for corner in corners {
+            depths.is_flat &= corner.vertex.z == S::ZERO;
+            if corner.is_tame() {
+                let depth = corner.depth();
+                depths = depths.with(Self { least: depth, largest: depth, is_flat: true });
+            }
+        }
+        depths
+    }
+
+    /// Those of other vertices, too.
+    #[inline(always)]
+    pub(super) fn with(self, others: Self) -> Self {
+        Self {
+            least: if others.least < self.least { others.least } else { self.least },
+            largest: if others.largest > self.largest { others.largest } else { self.largest },
+            is_flat: self.is_flat & others.is_flat,
+        }
+    }
+}
+
 /// A vertex, as the filter sees it.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(16))]
@@ -120,8 +160,8 @@ pub(super) struct Boxes {
 }
 
 impl Filter {
-    /// Of a mesh with these vertices.
-    pub(super) fn new<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Size) -> Self {
+    /// Of a mesh with vertices of these depths.
+    pub(super) fn new(depths: Depths, size: Size) -> Self {
         let extent = size.width.max(size.height) as u64;
         // A coordinate stays below 2^30.
         let bits = 30_u32.saturating_sub(extent.next_power_of_two().trailing_zeros());
@@ -129,28 +169,12 @@ impl Filter {
         let even = f64::from(EVEN * EVEN);
         let slack =
             2.0 * 193.0 / 4.0 * f64::EPSILON * even * size.width as f64 * size.height as f64;
-        let mut filter = Self { bits, unit: unit as f32, slack: slack as f32, ..Self::default() };
-        filter.measure_depths(corners);
-        filter
-    }
-
-    fn measure_depths<S: Scalar<Wide = S>>(&mut self, corners: &[Corner<S>]) {
-        let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
-        self.is_flat = true;
-        for corner in corners {
-            self.is_flat &= corner.vertex.z == S::ZERO;
-            if corner.is_tame() {
-                let depth = corner.depth();
-                least = if depth < least { depth } else { least };
-                largest = if depth > largest { depth } else { largest };
-            }
-        }
-        if least <= largest {
-            self.middle = 0.5 * (least + largest);
-        }
+        let Depths { least, largest, is_flat } = depths;
+        let middle = if least <= largest { 0.5 * (least + largest) } else { 0.0 };
         // Where there is nothing to tell apart, that of all depths in view.
         let half = 0.5 * (largest - least);
-        self.per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
+        let per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
+        Self { bits, unit: unit as f32, slack: slack as f32, middle, per_depth, is_flat }
     }
 
     /// Of a vertex.
@@ -372,7 +396,7 @@ mod tests {
             .collect();
         let corners: Vec<Corner<f64>> =
             (0..5).map(|index| Corner::new(clip.as_flattened(), index, size)).collect();
-        let filter = Filter::new(&corners, size);
+        let filter = Filter::new(Depths::of(&corners), size);
         let records: Vec<_> = corners.iter().map(|corner| filter.record(corner)).collect();
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
         let boxes = filter.boxes(&octet, size, ROUNDING_OF_PIXELS);

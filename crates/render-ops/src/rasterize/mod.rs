@@ -41,7 +41,7 @@ mod visibility;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{for_each_item_mut, merge_ranges_into};
+use bokashi_core::parallel::{merge_each, merge_ranges_into};
 use bokashi_core::{
     Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var,
 };
@@ -59,6 +59,7 @@ use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 use crate::raster_options::{RasterOptions, Rasterization, Sampling};
+use crate::scratch::Workbench;
 
 /// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: a fragment for each pixel
 /// whose centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses
@@ -215,6 +216,8 @@ struct Saved<T: Scalar> {
     visibility: Visibility<T>,
     /// Of each band, where bands are worked on at the same time.
     adjoints: Vec<Adjoints<T::Wide>>,
+    /// Memory for sums over faces.
+    rows: Workbench<Vec<T>>,
 }
 
 impl<T: Scalar> Saved<T> {
@@ -239,7 +242,7 @@ impl<T: Scalar> Saved<T> {
 /// part comes with its length. Returns what is left of the whole.
 fn fill_parts<T: Scalar, P: Send + Sync>(
     whole: &mut [T],
-    parts: impl Iterator<Item = (usize, P)>,
+    parts: impl ExactSizeIterator<Item = (usize, P)> + Send,
     are_shared: bool,
     work: impl Fn(&mut [T], &P) + Send + Sync,
 ) -> &mut [T] {
@@ -249,12 +252,7 @@ fn fill_parts<T: Scalar, P: Send + Sync>(
         left = rest;
         (target, part)
     });
-    if are_shared {
-        let mut pairs: Vec<_> = pairs.collect();
-        for_each_item_mut(&mut pairs, |_, (target, part)| work(target, part));
-    } else {
-        pairs.for_each(|(target, part)| work(target, &part));
-    }
+    merge_each(are_shared, pairs, |(target, part): (&mut [T], P)| work(target, &part), |()| {});
     left
 }
 
@@ -405,7 +403,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Saved { layers, visibility, adjoints } = saved;
+        let Saved { layers, visibility, adjoints, rows } = saved;
         if self.options.sampling.has_pieces() {
             // Of their own first: those of neighbouring slivers may be large, and cancel.
             let others = gradients.take(0);
@@ -428,7 +426,7 @@ impl<T: Scalar> Op<T> for Rasterize {
             let (corners, uv) = (&visibility.corners, kept.output(layer));
             let pull_back = WeightPullBack { coverage, corners, uv, uv_bar };
             let layout = Layout { runs: &coverage.centers, mesh: &self.mesh, width: 4 };
-            layout.add_to(clip_bar, &pull_back);
+            layout.add_to(clip_bar, &pull_back, rows);
         }
     }
 

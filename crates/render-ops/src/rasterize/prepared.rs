@@ -56,6 +56,11 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         Weights::new(self.corners_of(face), self.verdicts[face].orientation, was_settled)
     }
 
+    /// The rows of a band.
+    pub(super) fn band(&self, band: usize) -> Range<usize> {
+        band * self.rows..((band + 1) * self.rows).min(self.size.height)
+    }
+
     /// The columns, and of the rows of a band those that a drawn face can touch.
     #[inline(always)]
     pub(super) fn touched(&self, face: usize, band: &Range<usize>) -> [Range<usize>; 2] {

@@ -7,32 +7,32 @@
 //! fragments are written last, where they stay.
 //!
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
-//! threads. Several bands are drawn one after another on one canvas, so that its memory stays in a
-//! core's cache.
+//! threads. A thread draws bands one after another on one canvas, so that its memory stays in a core's cache.
 
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
+use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, resize};
 use super::corner::{Corner, give_one_factor};
-use super::culling::{Fate, Judge, Verdict, most_rounding};
-use super::filter::{Filter, Record};
+use super::culling::{Extents, Fate, Judge, Verdict};
+use super::filter::{Depths, Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
 use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
 use crate::raster_options::RasterOptions;
-use crate::runs::rows_per_band;
+use crate::runs::{WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
+use crate::scratch::Workbench;
 use crate::size::Size;
 
-/// Canvases per thread, where there are several: a thread that has less to do takes another canvas.
-const CANVASES_PER_THREAD: usize = 2;
+/// Vertices or faces in one piece of work: some microseconds.
+const ITEMS_PER_PIECE: usize = 1 << 10;
 
-/// Vertices or faces in one piece of work: some tens of microseconds.
-const ITEMS_PER_PIECE: usize = 1 << 12;
+/// From so many on they are shared by several threads.
+const ITEMS_TO_SHARE: usize = 1 << 12;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug, Default)]
@@ -50,7 +50,9 @@ pub(super) struct Visibility<T: Scalar> {
     ys: Vec<T::Wide>,
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
-    canvases: Vec<Canvas<T>>,
+    canvases: Workbench<Canvas<T>>,
+    /// Per band: what is seen there of each layer.
+    bands: Vec<Vec<Band<T>>>,
 }
 
 impl<T: Scalar> Visibility<T> {
@@ -66,23 +68,14 @@ impl<T: Scalar> Visibility<T> {
         layers: &mut [Arc<Coverage>],
     ) {
         let size = options.size;
-        self.prepare_vertices(clip, mesh.vertex_count(), size);
-        self.judge_faces(mesh, options);
-        let rows = rows_per_band(size);
-        self.faces.resize_with(size.height.div_ceil(rows), Vec::new);
-        self.faces.iter_mut().for_each(Vec::clear);
-        let culled;
-        (culled, self.reaches_behind) = sort_into_bands(&self.verdicts, &mut self.faces, rows);
-        self.draw_bands(mesh, options, needs, front, layers.len());
+        let most_noise = self.prepare_vertices(clip, mesh.vertex_count(), size);
+        let sorted = self.judge_faces(mesh, options, most_noise, layers);
+        self.reaches_behind = sorted.reaches_behind;
+        self.draw_bands(mesh, options, needs, front, layers);
         for (layer, coverage) in layers.iter_mut().enumerate() {
-            let coverage = Arc::get_mut(coverage).expect("nobody else holds it");
-            coverage.culled = culled;
-            resize(&mut coverage.orientations, self.verdicts.len(), || 0);
-            for (orientation, verdict) in coverage.orientations.iter_mut().zip(&self.verdicts) {
-                *orientation = verdict.orientation;
-            }
-            coverage.join_centers(self.bands(layer).map(|band| &band.seen));
-            coverage.pieces.clear();
+            let coverage = made(coverage);
+            coverage.culled = sorted.culled;
+            coverage.end_centers();
             coverage.boundary.clear();
             if options.sampling.has_pieces() {
                 join_pieces(self.bands(layer), coverage);
@@ -97,64 +90,110 @@ impl<T: Scalar> Visibility<T> {
         options: RasterOptions,
         mesh: &Mesh,
     ) -> impl Iterator<Item = i8> {
-        self.prepare_vertices(clip, mesh.vertex_count(), options.size);
-        self.judge_faces(mesh, options);
+        let most_noise = self.prepare_vertices(clip, mesh.vertex_count(), options.size);
+        self.judge_faces(mesh, options, most_noise, &mut []);
         self.verdicts.iter().map(|verdict| verdict.orientation)
     }
 
-    fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) {
+    /// Returns what is at least the rounding of any face's area.
+    fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
         resize(&mut self.corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
-        for_each_piece_mut(&mut self.corners, ITEMS_PER_PIECE, |piece, corners| {
-            let first = piece * ITEMS_PER_PIECE;
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    for (index, corner) in (first as u32..).zip(corners) {
-                        *corner = Corner::new(clip, index, size);
-                    }
-                },
-            );
-        });
+        merge_pieces(
+            &mut self.corners,
+            |first, corners| {
+                dispatch_256::<T, _>(
+                    #[inline(always)]
+                    || {
+                        for (index, corner) in (first as u32..).zip(corners) {
+                            *corner = Corner::new(clip, index, size);
+                        }
+                    },
+                );
+            },
+            |()| {},
+        );
         // No f32 is so small or so large that it is multiplied.
         if T::from_f64(1e60).is_finite() {
             give_one_factor(&mut self.corners);
         }
         let Self { corners, records, filter, .. } = self;
-        *filter = Filter::new(corners, size);
-        resize(records, count, Record::default);
-        for_each_piece_mut(records, ITEMS_PER_PIECE, |piece, records| {
-            let corners = &corners[piece * ITEMS_PER_PIECE..];
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    for (record, corner) in records.iter_mut().zip(corners) {
-                        *record = filter.record(corner);
-                    }
-                },
-            );
+        let (mut depths, mut extents) = (Depths::default(), Extents::default());
+        let measure = |_, corners: &mut [Corner<_>]| (Depths::of(corners), Extents::of(corners));
+        merge_pieces(corners, measure, |of_piece| {
+            depths = depths.with(of_piece.0);
+            extents = extents.with(of_piece.1);
         });
+        *filter = Filter::new(depths, size);
+        resize(records, count, Record::default);
+        merge_pieces(
+            records,
+            |first, records| {
+                dispatch_256::<T, _>(
+                    #[inline(always)]
+                    || {
+                        for (record, corner) in records.iter_mut().zip(&corners[first..]) {
+                            *record = filter.record(corner);
+                        }
+                    },
+                );
+            },
+            |()| {},
+        );
+        extents.most_rounding(size)
     }
 
-    fn judge_faces(&mut self, mesh: &Mesh, options: RasterOptions) {
-        let Self { corners, records, filter, verdicts, .. } = self;
+    /// Judges the faces, and puts them on the lists of bands.
+    fn judge_faces(
+        &mut self,
+        mesh: &Mesh,
+        options: RasterOptions,
+        most_noise: T::Wide,
+        layers: &mut [Arc<Coverage>],
+    ) -> Sorted {
+        let Self { corners, records, filter, verdicts, faces: of_bands, .. } = self;
+        let rows = rows_per_band(options.size);
+        of_bands.resize_with(options.size.height.div_ceil(rows), Vec::new);
+        of_bands.iter_mut().for_each(Vec::clear);
+        layers.iter_mut().for_each(|layer| made(layer).orientations.clear());
         let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         resize(verdicts, mesh.faces().len(), || degenerate);
-        let most_noise = most_rounding(corners, options.size);
-        for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
-            let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..][..verdicts.len()];
-            let judge = Judge { faces, corners, records, filter, options, most_noise, verdicts };
-            dispatch_256::<T, _>(judge);
-        });
+        let mut sorted = Sorted::default();
+        let merge = |(first, verdicts): (usize, &[Verdict])| {
+            sorted.add(first as u32, verdicts, of_bands, rows);
+            for layer in &mut *layers {
+                let orientations = verdicts.iter().map(|verdict| verdict.orientation);
+                made(layer).orientations.extend(orientations);
+            }
+        };
+        merge_pieces(
+            verdicts,
+            |first, verdicts| {
+                let verdicts: &mut [Verdict] = verdicts;
+                let faces = &mesh.faces()[first..][..verdicts.len()];
+                dispatch_256::<T, _>(Judge {
+                    faces,
+                    corners,
+                    records,
+                    filter,
+                    options,
+                    most_noise,
+                    verdicts: &mut *verdicts,
+                });
+                (first, &*verdicts)
+            },
+            merge,
+        );
+        sorted
     }
 
-    /// Draws and reads the bands.
+    /// Draws and reads the bands, and joins what is found there.
     fn draw_bands(
         &mut self,
         mesh: &Mesh,
         options: RasterOptions,
         needs: bool,
         front: Option<&Coverage>,
-        layers: usize,
+        layers: &mut [Arc<Coverage>],
     ) {
         let size = options.size;
         let Self { centers, ys, .. } = self;
@@ -163,16 +202,44 @@ impl<T: Scalar> Visibility<T> {
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let mut canvases = std::mem::take(&mut self.canvases);
-        let view = Prepared { needs, front, layers, ..self.drawn(mesh, options) };
-        // As few as can be: what the band before has touched is in a core's cache.
-        let (threads, faces) = (threads(), &self.faces);
-        let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
-        canvases.resize_with(count, Canvas::default);
-        for_each_item_mut(&mut canvases, |first, canvas| {
-            dispatch_256::<T, _>(Draw { canvas, view: &view, faces, first, step: count });
+        layers.iter_mut().for_each(|layer| made(layer).begin_centers());
+        let mut bands = std::mem::take(&mut self.bands);
+        bands.resize_with(self.faces.len(), Vec::new);
+        let count = layers.len();
+        let view = &Prepared { needs, front, layers: count, ..self.drawn(mesh, options) };
+        let is_shared = self.is_drawing_shared(view);
+        let pairs = bands.iter_mut().zip(&self.faces).enumerate();
+        let draw = |(band, (of_layers, faces)): (usize, (_, &Vec<u32>))| {
+            let of_layers: &mut Vec<Band<T>> = of_layers;
+            of_layers.resize_with(count, Band::default);
+            let rows = view.band(band);
+            self.canvases.with(|canvas| {
+                let draw = Draw { canvas, view, rows, faces, layers: &mut *of_layers };
+                dispatch_256::<T, _>(draw);
+            });
+            &*of_layers
+        };
+        merge_each(is_shared, pairs, draw, |of_layers| {
+            for (band, layer) in of_layers.iter().zip(&mut *layers) {
+                made(layer).add_centers(&band.seen);
+            }
         });
-        self.canvases = canvases;
+        self.bands = bands;
+    }
+
+    /// Whether bands are drawn at the same time.
+    fn is_drawing_shared(&self, view: &Prepared<'_, T>) -> bool {
+        let mut work = WORK_OF_FACE * self.faces.iter().map(Vec::len).sum::<usize>();
+        // Of few faces it is asked how large they are.
+        if work < WORK_TO_SHARE {
+            for (band, faces) in self.faces.iter().enumerate() {
+                for &face in faces {
+                    let [columns, rows] = view.touched(face as usize, &view.band(band));
+                    work += columns.len() * rows.len();
+                }
+            }
+        }
+        self.faces.len() > 1 && is_shared(work, WORK_TO_SHARE)
     }
 
     /// What the stages share, of a first layer without a gradient: all that [`Band::weigh`] needs.
@@ -205,38 +272,64 @@ impl<T: Scalar> Visibility<T> {
     }
 
     /// The bands of a layer, from the top.
-    pub(super) fn bands(&self, layer: usize) -> impl Iterator<Item = &Band<T>> + Clone {
-        let count = self.canvases.len();
-        // Canvas k has drawn the bands k, k + count, k + 2 count, ..
-        (0..self.faces.len())
-            .map(move |band| &self.canvases[band % count].bands[layer][band / count])
+    pub(super) fn bands(
+        &self,
+        layer: usize,
+    ) -> impl ExactSizeIterator<Item = &Band<T>> + Clone + Send {
+        self.bands.iter().map(move |of_layers| &of_layers[layer])
     }
 }
 
-/// Puts each drawn face on the lists of the bands of `rows` rows that it can touch, and counts the
-/// others. Returns also whether some drawn face reaches behind the eye.
-fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) -> (Culled, bool) {
-    // In 32 bits, whose division takes half the time.
-    let rows = rows as u32;
-    let (mut culled, mut reaches_behind) = (Culled::default(), false);
-    for (face, verdict) in (0..).zip(verdicts) {
-        match verdict.fate {
-            Fate::Degenerate => culled.degenerate += 1,
-            Fate::Outside => culled.outside += 1,
-            Fate::Facing => culled.facing += 1,
-            Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
-                reaches_behind |= verdict.reaches_behind;
-                if left <= right && top <= bottom {
-                    let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
-                    // In the order of their indices, on which ties of depths rely.
-                    for list in &mut faces[first..=last] {
-                        list.push(face);
+/// Calls `merge(work(first, piece))` for each piece of `items`, with the index of its first item, as [`merge_each`].
+fn merge_pieces<'a, I: Send, R: Send>(
+    items: &'a mut [I],
+    work: impl Fn(usize, &'a mut [I]) -> R + Sync,
+    merge: impl FnMut(R) + Send,
+) {
+    let are_shared = is_shared(items.len(), ITEMS_TO_SHARE);
+    let pieces = items.chunks_mut(ITEMS_PER_PIECE).enumerate();
+    let work = |(piece, items)| work(piece * ITEMS_PER_PIECE, items);
+    merge_each(are_shared, pieces, work, merge);
+}
+
+/// The coverage of a layer that is being made.
+fn made(layer: &mut Arc<Coverage>) -> &mut Coverage {
+    Arc::get_mut(layer).expect("nobody else holds it")
+}
+
+/// What comes of sorting faces into bands.
+#[derive(Debug, Default)]
+struct Sorted {
+    culled: Culled,
+    /// Whether some drawn face reaches behind the eye.
+    reaches_behind: bool,
+}
+
+impl Sorted {
+    /// Puts each drawn face, from face `first` on, on the lists of the bands of `rows` rows that it can touch, and
+    /// counts the others.
+    fn add(&mut self, first: u32, verdicts: &[Verdict], bands: &mut [Vec<u32>], rows: usize) {
+        // In 32 bits, whose division takes half the time.
+        let rows = rows as u32;
+        let Self { culled, reaches_behind } = self;
+        for (face, verdict) in (first..).zip(verdicts) {
+            match verdict.fate {
+                Fate::Degenerate => culled.degenerate += 1,
+                Fate::Outside => culled.outside += 1,
+                Fate::Facing => culled.facing += 1,
+                Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
+                    *reaches_behind |= verdict.reaches_behind;
+                    if left <= right && top <= bottom {
+                        let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
+                        // In the order of their indices, on which ties of depths rely.
+                        for list in &mut bands[first..=last] {
+                            list.push(face);
+                        }
                     }
                 }
             }
         }
     }
-    (culled, reaches_behind)
 }
 
 /// Joins the pieces of boundary pixels.

@@ -295,6 +295,7 @@ pub(super) fn for_each_piece<T: Scalar>(
     let middle = rows.start + pieces / 2 * PIECE;
     let (first, second) = written.split(pieces / 2);
     join(
+        true,
         || for_each_piece(rows.start..middle, first, work),
         || for_each_piece(middle..rows.end, second, work),
     );
