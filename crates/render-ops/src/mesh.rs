@@ -150,24 +150,11 @@ impl Mesh {
         self.seams.get(face).copied().unwrap_or_default()
     }
 
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
+    /// The edges of a face at which the surface ends, or turns away: a bit for the corner that each faces.
     /// `orientation` gives the sign of a face's area as it is seen, or 0 for a face that covers
     /// nothing. The surface ends where no face lies beyond the edge. It turns away where both faces
     /// lie on the same side of the edge in the image. A face seen edge-on, to within rounding, covers
     /// neither side, and neither does a culled face. So the other face ends there, too.
-    #[inline(always)]
-    pub(crate) fn is_silhouette(
-        &self,
-        face: usize,
-        corner: usize,
-        orientation: impl Fn(usize) -> i8,
-    ) -> bool {
-        self.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
-            neighbor.is_turned(orientation(face), orientation(neighbor.face as usize))
-        })
-    }
-
-    /// [`Mesh::is_silhouette`] of all edges of a face: a bit for the corner that each faces.
     #[inline(always)]
     pub(crate) fn silhouettes_of(&self, face: usize, orientation: impl Fn(usize) -> i8) -> u8 {
         let own = orientation(face);

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::pixel_border::lies_on_border;
-use super::pixel_mask::PixelMask;
+use super::pixel_mask::{PixelMask, stripe_shift, stripes_of};
 use super::polygon::{Line, size};
 use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
@@ -21,14 +21,20 @@ pub(super) const REACH: f64 = 1.0 + 1e-6;
 /// outline, and seams. The others follow.
 pub(super) type FaceBits = u16;
 
+/// Which edges of a face something holds of: a bit for each.
+#[inline(always)]
+pub(super) fn each_edge(holds: impl Fn(usize) -> bool) -> FaceBits {
+    FaceBits::from(holds(0)) | FaceBits::from(holds(1)) << 1 | FaceBits::from(holds(2)) << 2
+}
+
 /// The first bit of a face's seams that are not of the outline: the surface goes on beyond them.
 pub(super) const INNER_SEAM: u16 = 3;
 
 /// The first bit of marked edges for which the face beyond stands: it is the lower of the two, and is drawn, too.
 pub(super) const SECOND: u16 = 6;
 
-/// The first bit of a face's edges that run along rows or columns.
-pub(super) const ALONG_AXIS: u16 = 9;
+/// The bit of a face with a vertex beyond the depth range.
+pub(super) const BEYOND: u16 = 9;
 
 /// The marked edges for which a face itself stands.
 #[inline(always)]
@@ -61,12 +67,26 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.view.centers[index * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
+    /// The stripes of the image that each face may reach into, of `1 << shift` columns.
+    #[inline(always)]
+    pub(super) fn stripes(&self, shift: u32) -> impl Iterator<Item = u64> {
+        self.faces.iter().map(
+            #[inline(always)]
+            move |&face| {
+                let [_, columns] = self.reach(face);
+                // A face whose box is empty stands in the list, too.
+                if columns.is_empty() { 0 } else { stripes_of(columns, shift) }
+            },
+        )
+    }
+
     /// Calls `visit` with each face of the band in whose box of pixels a block of `block` pixels of a row is
-    /// marked. `some_rows` of the band and `some_columns` of blocks limit the search. Once `visit` returns
-    /// false, the search ends.
+    /// marked. `stripes` are those of each face. `some_rows` of the band and `some_columns` of blocks limit the search.
+    /// Once `visit` returns false, the search ends.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
+        stripes: &[u64],
         marks: &PixelMask,
         block: usize,
         [some_rows, some_columns]: [Range<usize>; 2],
@@ -74,20 +94,24 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) {
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
-        for (index, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
-            let [rows, columns] = self.reach(face);
+        let marked = marks.stripes(block, stripe_shift(self.view.size.width));
+        for (index, &stripes) in stripes.iter().enumerate() {
+            // Most faces are far from all marks.
+            if stripes & marked == 0 {
+                continue;
+            }
+            let [rows, columns] = self.reach(self.faces[index]);
             let columns = (columns.start / block).max(some_columns.start)
                 ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
             let rows = (rows.start - self.rows.start).max(some_rows.start)
                 ..(rows.end - self.rows.start).min(some_rows.end);
-            // Most faces are far from all marks.
             if !marks.has_some(rows.clone(), columns.clone()) {
                 continue;
             }
-            let edges = weights.edges;
+            let edges = self.weights[index].edges;
             let reach =
                 edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            if !visit(index, FaceBox { rows, columns, edges, reach }) {
+            if !visit(index as u32, FaceBox { rows, columns, edges, reach }) {
                 return;
             }
         }
@@ -148,7 +172,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         depth(&vertices, &self.edges_around(band_face, q))
     }
 
-    /// A face around the centre of a pixel. By `vertex_rounding` times its edge functions its depth may be off,
+    /// A face around the centre of a pixel, of whose edges some run along rows or columns. By `vertex_rounding` times its edge functions its depth may be off,
     /// since vertices were rounded.
     #[inline(always)]
     pub(super) fn candidate(
@@ -156,9 +180,9 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         band_face: u32,
         bits: FaceBits,
         [x, y]: [T::Wide; 2],
-        vertex_rounding: [T::Wide; 3],
+        (along_axis, vertex_rounding): (FaceBits, [T::Wide; 3]),
     ) -> Candidate<T::Wide> {
-        let on_border = self.on_border(band_face, bits >> ALONG_AXIS, [x, y]);
+        let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
@@ -206,10 +230,10 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
-    /// them. The first three bits of `along_axis` tell which edges run along rows or columns.
+    /// them. The bits of `along_axis` tell which edges run along rows or columns.
     #[inline(always)]
     fn on_border(&self, band_face: u32, along_axis: FaceBits, center: [T::Wide; 2]) -> u8 {
-        match along_axis & 0b111 {
+        match along_axis {
             0 => 0,
             some => self.some_on_border(band_face, some, center),
         }

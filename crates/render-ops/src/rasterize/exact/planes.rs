@@ -2,8 +2,9 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, FaceBits, REACH, depth, total};
+use super::band_faces::{BandFaces, FaceBits, REACH, depth, each_edge, total};
 use super::depth_intervals::{DepthInterval, FaceInBlock};
+use super::pixel_border::is_along_axis;
 use super::polygon::{Line, value_at};
 use crate::homogeneous::Vertex;
 
@@ -24,6 +25,8 @@ struct Plane<S> {
     error_bound: S,
     /// By this times its edge functions its depth may be off, since its vertices were rounded.
     vertex_rounding: [S; 3],
+    /// Which edges run along rows or columns.
+    along_axis: FaceBits,
 }
 
 /// The planes of a band's faces. Most faces are far from all pixels that ask.
@@ -98,11 +101,12 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// By this times its edge functions the depth of a face, whose plane is known, may be off, since its
-    /// vertices were rounded.
+    /// Of a face whose plane is known: which edges run along rows or columns; and by this times its edge functions its
+    /// depth may be off, since its vertices were rounded.
     #[inline(always)]
-    pub(super) fn vertex_rounding(&self, band_face: u32) -> [S; 3] {
-        self.planes[self.of_band_face[band_face as usize] as usize].vertex_rounding
+    pub(super) fn known(&self, band_face: u32) -> (FaceBits, [S; 3]) {
+        let plane = &self.planes[self.of_band_face[band_face as usize] as usize];
+        (plane.along_axis, plane.vertex_rounding)
     }
 
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
@@ -160,7 +164,8 @@ impl<S: Scalar<Wide = S>> Plane<S> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        Self { depth, range, edge_error_bounds, error_bound, vertex_rounding }
+        let along_axis = each_edge(|k| is_along_axis(edges[k]));
+        Self { depth, range, edge_error_bounds, error_bound, vertex_rounding, along_axis }
     }
 }
 
