@@ -13,6 +13,7 @@ use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::corner::Corner;
 use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
+use crate::size::Size;
 
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
@@ -172,15 +173,14 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         depth(&vertices, &self.edges_around(band_face, q))
     }
 
-    /// A face around the centre of a pixel, of whose edges some run along rows or columns. By `vertex_rounding` times its edge functions its depth may be off,
-    /// since vertices were rounded.
+    /// A face around the centre of a pixel, of whose edges some run along rows or columns.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
         bits: FaceBits,
         [x, y]: [T::Wide; 2],
-        (along_axis, vertex_rounding): (FaceBits, [T::Wide; 3]),
+        (along_axis, errors): (FaceBits, &DepthErrors<T::Wide>),
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
@@ -195,14 +195,11 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let edges = self.edges_around(band_face, q);
         let depth = depth(&vertices, &edges);
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
-        let extents = vertices.map(|vertex| {
-            let [x, y] = extent(vertex, self.view.size);
-            x.maximum_or_nan(y)
-        });
-        let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        let [a, b, c] = edges.map(size);
-        let tie_bound = depth_error_bound
-            + (vertex_rounding[0] * a + vertex_rounding[1] * b + vertex_rounding[2] * c);
+        let sizes = edges.map(size);
+        let depth_error_bound = errors.in_pixel(&vertices, depth, reaches, sizes);
+        let [a, b, c] = sizes;
+        let [by_a, by_b, by_c] = errors.vertex_rounding;
+        let tie_bound = depth_error_bound + (by_a * a + by_b * b + by_c * c);
         Candidate {
             band_face,
             edges,
@@ -272,32 +269,67 @@ pub(super) fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) 
     [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))
 }
 
-/// More than what [`depth`] is off by in a pixel: much where a face is thin. `reaches` are sizes of the
-/// vertices relative to the pixel's centre, `extents` those of their coordinates in the image.
-///
-/// Of an edge function with the ends p and q the value at the centre is off by some roundings of
-/// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
-/// off, by which the depth's slopes are divided, and the depth d at the centre by
-/// `sum (z_i - d w_i) / D` of the values' bounds; and all sums are rounded.
-#[inline(always)]
-fn depth_error_bound<S: Scalar>(
-    vertices: &[Vertex<S>; 3],
-    edges: &[Line<S>; 3],
-    depth: Line<S>,
-    reaches: [S; 3],
+/// What is known of the errors of a face's depth, whichever the pixel.
+#[derive(Debug)]
+pub(super) struct DepthErrors<S> {
+    /// By this times its edge functions its depth may be off, since its vertices were rounded.
+    pub(super) vertex_rounding: [S; 3],
+    /// How large the coordinates of its vertices in the image are.
     extents: [S; 3],
-) -> S {
-    let [middle, x, y] = depth;
-    let slope = x.abs() + y.abs();
-    let mut sum = S::ZERO;
-    for i in 0..3 {
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let Vertex { z, w, .. } = vertices[i];
-        let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
-        let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
-        sum += ((z - middle * w).abs() + slope * w.abs()) * of_value
-            + z.abs() * of_slopes
-            + (z.abs() + (middle * w).abs()) * size(edges[i]);
+    /// What the slopes of its edge functions are off by, times its vertices' z.
+    of_slopes: S,
+    /// Of so much its depth is a roundoff off.
+    unit: S,
+}
+
+impl<S: Scalar> DepthErrors<S> {
+    #[inline(always)]
+    pub(super) fn new(
+        vertices: &[Vertex<S>; 3],
+        vertex_rounding: [S; 3],
+        total: S,
+        image: Size,
+    ) -> Self {
+        let extents = vertices.map(|vertex| {
+            let [x, y] = extent(vertex, image);
+            x.maximum_or_nan(y)
+        });
+        let of_slopes = (0..3)
+            .map(|i| {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
+                vertices[i].z.abs() * of_slopes
+            })
+            .sum();
+        let unit = S::from_f64(8.0 * f64::EPSILON) / total;
+        Self { vertex_rounding, extents, of_slopes, unit }
     }
-    S::from_f64(8.0 * f64::EPSILON) * sum / total(vertices, edges).abs()
+
+    /// More than what [`depth`] is off by in a pixel: much where a face is thin. `reaches` are sizes of the
+    /// vertices relative to the pixel's centre, `sizes` those of the edge functions.
+    ///
+    /// Of an edge function with the ends p and q the value at the centre is off by some roundings of
+    /// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
+    /// off, by which the depth's slopes are divided, and the depth d at the centre by
+    /// `sum (z_i - d w_i) / D` of the values' bounds; and all sums are rounded.
+    #[inline(always)]
+    fn in_pixel(
+        &self,
+        vertices: &[Vertex<S>; 3],
+        [middle, x, y]: Line<S>,
+        reaches: [S; 3],
+        sizes: [S; 3],
+    ) -> S {
+        let Self { extents, of_slopes, unit, .. } = *self;
+        let slope = x.abs() + y.abs();
+        let mut sum = of_slopes;
+        for i in 0..3 {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let Vertex { z, w, .. } = vertices[i];
+            let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
+            sum += ((z - middle * w).abs() + slope * w.abs()) * of_value
+                + (z.abs() + (middle * w).abs()) * sizes[i];
+        }
+        unit * sum
+    }
 }

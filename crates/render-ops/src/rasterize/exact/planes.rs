@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, FaceBits, REACH, depth, each_edge, total};
+use super::band_faces::{BandFaces, DepthErrors, FaceBits, REACH, depth, each_edge, total};
 use super::depth_intervals::{DepthInterval, FaceInBlock};
 use super::pixel_border::is_along_axis;
 use super::polygon::{Line, value_at};
@@ -23,10 +23,9 @@ struct Plane<S> {
     /// More than what its depths are off by in the face, where they are in the depth range. Unless the face
     /// may reach out of that range, the rounding of its vertices is part of it.
     error_bound: S,
-    /// By this times its edge functions its depth may be off, since its vertices were rounded.
-    vertex_rounding: [S; 3],
     /// Which edges run along rows or columns.
     along_axis: FaceBits,
+    errors: DepthErrors<S>,
 }
 
 /// The planes of a band's faces. Most faces are far from all pixels that ask.
@@ -70,13 +69,9 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> DepthInterval<S> {
-        let Plane {
-            depth: [one, x, y],
-            range: [least, most],
-            mut error_bound,
-            vertex_rounding,
-            ..
-        } = *self.plane_of(band, face);
+        let Plane { depth: [one, x, y], range: [least, most], error_bound, ref errors, .. } =
+            *self.plane_of(band, face);
+        let mut error_bound = error_bound;
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
         // From the centre of the block: `width` units to its left and right ends, and 1 up and down.
@@ -88,7 +83,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
             error_bound += (0..3)
                 .map(|k| {
                     let change = width * edges[k][1].abs() + edges[k][2].abs();
-                    vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
+                    errors.vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
                 })
                 .sum();
         }
@@ -101,12 +96,11 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// Of a face whose plane is known: which edges run along rows or columns; and by this times its edge functions its
-    /// depth may be off, since its vertices were rounded.
+    /// Of a face whose plane is known: which edges run along rows or columns, and the errors of its depth.
     #[inline(always)]
-    pub(super) fn known(&self, band_face: u32) -> (FaceBits, [S; 3]) {
+    pub(super) fn known(&self, band_face: u32) -> (FaceBits, &DepthErrors<S>) {
         let plane = &self.planes[self.of_band_face[band_face as usize] as usize];
-        (plane.along_axis, plane.vertex_rounding)
+        (plane.along_axis, &plane.errors)
     }
 
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
@@ -165,7 +159,8 @@ impl<S: Scalar<Wide = S>> Plane<S> {
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
         let along_axis = each_edge(|k| is_along_axis(edges[k]));
-        Self { depth, range, edge_error_bounds, error_bound, vertex_rounding, along_axis }
+        let errors = DepthErrors::new(&vertices, vertex_rounding, total, band.view.size);
+        Self { depth, range, edge_error_bounds, error_bound, along_axis, errors }
     }
 }
 
