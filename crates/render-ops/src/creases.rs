@@ -147,20 +147,21 @@ fn scale<T: Scalar>(clip: &[[T; 4]], Size { width, height }: Size) -> [f64; 3] {
 
 /// The blocks of the rows of `attributes: [A, C]`; the last one of a row is filled up with zeros, which jump nowhere.
 fn blocks<T: Scalar>(attributes: &[T], channels: usize) -> Cow<'_, [[T; LANES]]> {
-    let mut blocks = match channels {
-        1 => attributes.iter().map(|&a| [a, T::ZERO, T::ZERO, T::ZERO]).collect(),
-        2 => attributes.as_chunks().0.iter().map(|&[a, b]| [a, b, T::ZERO, T::ZERO]).collect(),
-        3 => attributes.as_chunks().0.iter().map(|&[a, b, c]| [a, b, c, T::ZERO]).collect(),
-        _ if channels.is_multiple_of(LANES) => return Cow::Borrowed(attributes.as_chunks().0),
-        _ => Vec::new(),
-    };
-    if channels > LANES {
-        for row in attributes.chunks_exact(channels) {
-            let (whole, rest) = row.as_chunks::<LANES>();
-            blocks.extend_from_slice(whole);
-            let mut last = [T::ZERO; LANES];
-            last[..rest.len()].copy_from_slice(rest);
-            blocks.push(last);
+    if channels.is_multiple_of(LANES) {
+        return Cow::Borrowed(attributes.as_chunks().0);
+    }
+    let per_row = channels.div_ceil(LANES);
+    let mut blocks = vec![[T::ZERO; LANES]; attributes.len() / channels * per_row];
+    if channels == 3 {
+        // Colours, normals and positions.
+        for (block, &[a, b, c]) in blocks.iter_mut().zip(attributes.as_chunks::<3>().0) {
+            *block = [a, b, c, T::ZERO];
+        }
+        return Cow::Owned(blocks);
+    }
+    for (blocks, row) in blocks.chunks_exact_mut(per_row).zip(attributes.chunks_exact(channels)) {
+        for (value, given) in blocks.as_flattened_mut().iter_mut().zip(row) {
+            *value = *given;
         }
     }
     Cow::Owned(blocks)

@@ -55,7 +55,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         if *index == NONE {
             // Worked out when a pixel asks first.
             *index = self.planes.len() as u32;
-            self.planes.push(Plane::new(band, band_face));
+            Plane::add(&mut self.planes, band, band_face);
         }
         &self.planes[*index as usize]
     }
@@ -127,9 +127,13 @@ impl<S: Scalar<Wide = S>> Planes<S> {
 }
 
 impl<S: Scalar<Wide = S>> Plane<S> {
-    /// Of a face of the band.
-    #[inline(always)]
-    fn new<T: Scalar<Wide = S>>(band: &BandFaces<'_, '_, T>, band_face: u32) -> Self {
+    /// Adds that of a face of the band. Compiled once, for it is asked for in many places, and once for each face.
+    #[inline(never)]
+    fn add<T: Scalar<Wide = S>>(
+        planes: &mut Vec<Self>,
+        band: &BandFaces<'_, '_, T>,
+        band_face: u32,
+    ) {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);
         let edges = &band.weights[band_face as usize].edges;
@@ -160,7 +164,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         };
         let along_axis = each_edge(|k| is_along_axis(edges[k]));
         let errors = DepthErrors::new(&vertices, vertex_rounding, total, band.view.size);
-        Self { depth, range, edge_error_bounds, error_bound, along_axis, errors }
+        planes.push(Self { depth, range, edge_error_bounds, error_bound, along_axis, errors });
     }
 }
 
