@@ -33,8 +33,8 @@ use crate::vertex_attributes::VertexAttributes;
 const PER_PIECE: usize = 1 << 11;
 
 /// `mesh` with its creases as seams: the edges at which `attributes` bend or jump in an image of the vertices
-/// `clip: [V, 4]`. Seams that the mesh has already stay. It allocates a byte per face and per edge, and a copy of
-/// attributes of fewer than four channels.
+/// `clip: [V, 4]`. Seams that the mesh has already stay. It allocates two bytes per face and one per edge, and a
+/// copy of attributes whose channels are no multiple of four.
 ///
 /// # Errors
 /// - [`RenderError::FaceCount`] unless the index buffer has as many faces as the mesh.
