@@ -281,6 +281,8 @@ mod tests {
         blocks.clear(rows, width / BLOCK);
         blocks.mark_whole_blocks(&marks);
         assert_eq!(blocks.count(), width / BLOCK);
+        // A block of 8 columns lies in two stripes of 4.
+        assert_eq!(blocks.stripes(BLOCK, stripe_shift(width)), u64::MAX >> (64 - width / 4));
         assert!(blocks.has_some(1..2, 0..1) && !blocks.has_some(0..1, 0..width / BLOCK));
         marks.unmark(1, 3..130);
         assert_eq!(gaps(&marks, 1), [[3, 130]]);
