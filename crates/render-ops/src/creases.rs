@@ -16,22 +16,25 @@
 //! A pixel that is not resolved shows its centre. An edge through the centre, at which the slope jumps by
 //! B per pixel, puts it up to B / 8 off its mean; an edge at which the value jumps by J, up to J / 2.
 
+use std::borrow::Cow;
+
 use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Scalar, Tensor, Var};
 
 use crate::dispatch::dispatch_256;
 use crate::error::RenderError;
 use crate::homogeneous::{Vertex, determinant, edge};
-use crate::mesh::{Adjacency, Mesh, Neighbor};
+use crate::mesh::{Mesh, SharedEdge};
 use crate::raster_options::{Cull, RasterOptions};
 use crate::size::Size;
 use crate::vertex_attributes::VertexAttributes;
 
-/// Faces in one piece of work.
-const FACES_PER_PIECE: usize = 1 << 11;
+/// Faces, or edges, in one piece of work.
+const PER_PIECE: usize = 1 << 11;
 
 /// `mesh` with its creases as seams: the edges at which `attributes` bend or jump in an image of the vertices
-/// `clip: [V, 4]`. Seams that the mesh has already stay. It allocates nine bytes per face.
+/// `clip: [V, 4]`. Seams that the mesh has already stay. It allocates two bytes per face and one per edge, and a
+/// copy of attributes whose channels are no multiple of four.
 ///
 /// # Errors
 /// - [`RenderError::FaceCount`] unless the index buffer has as many faces as the mesh.
@@ -83,23 +86,22 @@ fn marked<T: Scalar>(
         return Ok(mesh.clone());
     }
     let clip = clip.data().as_chunks::<4>().0;
+    let blocks = blocks(attributes.data(), channels);
     let surface = Surface {
         mesh,
-        indices,
+        indices: (!indices.is(mesh)).then_some(indices),
         clip,
-        attributes: attributes.data(),
-        channels,
-        cull,
+        blocks: &blocks,
+        blocks_per_row: channels.div_ceil(LANES),
         scale: scale(clip, size),
         // A pixel is two units wide.
         most_bend: 4.0 * tolerance * range,
         most_jump: 2.0 * tolerance * range,
-        may_jump: !indices.is(mesh) || range.is_nan(),
     };
-    Ok(surface.creases().map_or_else(|| mesh.clone(), |creases| mesh.with_more_seams(&creases)))
+    Ok(mesh.with_more_seams(&surface.creases(cull)))
 }
 
-/// Values that are held against each other at the same time.
+/// Values that are held against each other at the same time, and faces or edges that are looked at.
 const AT_ONCE: usize = 64;
 
 /// The largest range of a channel of `attributes: [A, C]`; NaN where an attribute is no number.
@@ -143,28 +145,46 @@ fn scale<T: Scalar>(clip: &[[T; 4]], Size { width, height }: Size) -> [f64; 3] {
     [power * width as f64, power * height as f64, power]
 }
 
+/// The blocks of the rows of `attributes: [A, C]`; the last one of a row is filled up with zeros, which jump nowhere.
+fn blocks<T: Scalar>(attributes: &[T], channels: usize) -> Cow<'_, [[T; LANES]]> {
+    if channels.is_multiple_of(LANES) {
+        return Cow::Borrowed(attributes.as_chunks().0);
+    }
+    let per_row = channels.div_ceil(LANES);
+    let mut blocks = vec![[T::ZERO; LANES]; attributes.len() / channels * per_row];
+    if channels == 3 {
+        // Colours, normals and positions.
+        for (block, &[a, b, c]) in blocks.iter_mut().zip(attributes.as_chunks::<3>().0) {
+            *block = [a, b, c, T::ZERO];
+        }
+        return Cow::Owned(blocks);
+    }
+    for (blocks, row) in blocks.chunks_exact_mut(per_row).zip(attributes.chunks_exact(channels)) {
+        for (value, given) in blocks.as_flattened_mut().iter_mut().zip(row) {
+            *value = *given;
+        }
+    }
+    Cow::Owned(blocks)
+}
+
 /// A mesh with its attributes.
 struct Surface<'a, T> {
     mesh: &'a Mesh,
-    indices: &'a Mesh,
+    /// The index buffer of the attributes, where it is not the mesh's: only then a value may jump.
+    indices: Option<&'a Mesh>,
     clip: &'a [[T; 4]],
-    attributes: &'a [T],
-    channels: usize,
-    cull: Cull,
+    /// The attributes by blocks of channels, some for each row.
+    blocks: &'a [[T; LANES]],
+    blocks_per_row: usize,
     scale: [f64; 3],
     /// By how much a slope may jump at an edge that is no crease, in scaled coordinates.
     most_bend: f64,
     /// By how much a value may.
     most_jump: f64,
-    /// Whether a value may jump at all: those at vertices are the same on both sides of an edge.
-    may_jump: bool,
 }
 
-/// Faces, or edges, that are looked at side by side.
+/// Faces, edges or channels that are looked at side by side.
 const LANES: usize = 4;
-
-/// Faces whose edges are listed, so that lanes are full.
-const FACES_AT_ONCE: usize = 64;
 
 type Lanes = [f64; LANES];
 
@@ -183,60 +203,59 @@ impl Points {
     }
 }
 
-/// An edge from p to q.
-#[derive(Debug, Clone, Copy, Default)]
-struct SharedEdge {
-    /// The face, and which of its corners faces the edge.
-    face: usize,
-    corner: usize,
-    /// The vertices p, q, s and r.
-    vertices: [u32; 4],
-    /// Where the rows of the attributes start: of p, q, s and r, and of p and q in the face beyond.
-    rows: [usize; 6],
-}
-
-/// Finds the determinants of the faces from `first` on.
-struct Measure<'a, 's, T> {
+/// Finds which faces are seen from the side that is drawn.
+struct Judge<'a, 's, T> {
     surface: &'a Surface<'s, T>,
-    first: usize,
-    sizes: &'a mut [f64],
+    /// The sign of the determinant of faces that are drawn.
+    facing: f64,
+    faces: &'a [[u32; 3]],
+    are_drawn: &'a mut [bool],
 }
 
 // Loops, and no closures, which would not be compiled for the vectors that were found.
-impl<T: Scalar> pulp::WithSimd for Measure<'_, '_, T> {
+impl<T: Scalar> pulp::WithSimd for Judge<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { surface, first, sizes } = self;
-        for (chunk, sizes) in sizes.chunks_mut(LANES).enumerate() {
-            let mut vertices = [[0; LANES]; 3];
-            for lane in 0..LANES {
-                // Lanes without a face have the last one once more.
-                let face = first + chunk * LANES + lane.min(sizes.len() - 1);
-                for k in 0..3 {
-                    vertices[k][lane] = surface.mesh.faces()[face][k];
+        let Self { surface, facing, faces, are_drawn } = self;
+        for (faces, are_drawn) in faces.chunks(AT_ONCE).zip(are_drawn.chunks_mut(AT_ONCE)) {
+            let mut sizes = [0.0; AT_ONCE];
+            for (group, sizes) in (0..faces.len().div_ceil(LANES)).zip(sizes.as_chunks_mut().0) {
+                let group = &faces[group * LANES..];
+                // Lanes without a face have vertex 0 three times.
+                let mut filled = [[0; 3]; LANES];
+                let some = group.first_chunk::<LANES>().unwrap_or_else(|| {
+                    filled[..group.len()].copy_from_slice(group);
+                    &filled
+                });
+                let mut vertices = [[0; LANES]; 3];
+                for lane in 0..LANES {
+                    for k in 0..3 {
+                        vertices[k][lane] = some[lane][k];
+                    }
+                }
+                let [p, q] = [surface.points(&vertices[0]), surface.points(&vertices[1])];
+                let r = surface.points(&vertices[2]);
+                let sizes: &mut Lanes = sizes;
+                for lane in 0..LANES {
+                    let line = edge(p.vertex(lane), q.vertex(lane));
+                    sizes[lane] = facing * determinant(r.vertex(lane), line);
                 }
             }
-            let [p, q] = [surface.points(&vertices[0]), surface.points(&vertices[1])];
-            let r = surface.points(&vertices[2]);
-            let mut found = [0.0; LANES];
-            for lane in 0..LANES {
-                found[lane] = determinant(r.vertex(lane), edge(p.vertex(lane), q.vertex(lane)));
+            for (is_drawn, size) in are_drawn.iter_mut().zip(sizes) {
+                *is_drawn = size >= 0.0;
             }
-            sizes.copy_from_slice(&found[..sizes.len()]);
         }
     }
 }
 
-/// Finds which edges of the faces from `first` on are creases, a bit for each by the corner that it faces. An
-/// edge is left to the lower of its two faces.
+/// Finds which edges are creases. None is looked for between faces that are not drawn.
 struct Find<'a, 's, T> {
     surface: &'a Surface<'s, T>,
-    adjacency: &'a Adjacency,
-    sizes: &'a [f64],
-    first: usize,
-    seams: &'a mut [u8],
+    are_drawn: &'a [bool],
+    edges: &'a [SharedEdge],
+    are_creases: &'a mut [bool],
 }
 
 impl<T: Scalar> pulp::WithSimd for Find<'_, '_, T> {
@@ -244,140 +263,167 @@ impl<T: Scalar> pulp::WithSimd for Find<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { surface, adjacency, sizes, first, seams } = self;
-        let facing = match surface.cull {
-            Cull::None => 0.0,
-            Cull::Back => 1.0,
-            Cull::Front => -1.0,
-        };
-        // Those behind the last one have been looked at, or are of no edge.
-        let mut edges = [SharedEdge::default(); (3 * FACES_AT_ONCE).next_multiple_of(LANES)];
-        for start in (0..seams.len()).step_by(FACES_AT_ONCE) {
+        let Self { surface, are_drawn, edges, are_creases } = self;
+        let parts = edges.chunks(AT_ONCE).zip(are_creases.chunks_mut(AT_ONCE));
+        for (edges, are_creases) in parts {
+            let mut listed = [0; AT_ONCE + LANES];
             let mut count = 0;
-            for face in first + start..first + seams.len().min(start + FACES_AT_ONCE) {
-                for (corner, neighbor) in adjacency.neighbors(face).iter().enumerate() {
-                    let Some(neighbor) = neighbor else { continue };
-                    let other = neighbor.face as usize;
-                    // None is looked for between faces that are not drawn.
-                    let is_drawn = (facing * sizes[face] >= 0.0) | (facing * sizes[other] >= 0.0);
-                    if other > face && is_drawn {
-                        edges[count] = surface.shared_edge(face, corner, *neighbor);
-                        count += 1;
-                    }
-                }
+            for (index, edge) in edges.iter().enumerate() {
+                listed[count] = index;
+                let [own, other] = edge.faces.map(|face| are_drawn[face as usize]);
+                count += usize::from(own | other);
             }
-            for some in 0..count.div_ceil(LANES) {
-                let edges = &edges[some * LANES..][..LANES];
-                let is_smooth = surface.are_smooth(edges, sizes);
-                for (edge, is_smooth) in edges.iter().zip(is_smooth).take(count - some * LANES) {
-                    seams[edge.face - first] |= u8::from(is_smooth < 0.0) << edge.corner;
+            // Lanes without an edge look at the last one again.
+            for lane in 1..LANES {
+                listed[count + lane - 1] = listed[count.saturating_sub(1)];
+            }
+            for group in 0..count.div_ceil(LANES) {
+                let listed = &listed[group * LANES..][..LANES];
+                let mut some = [&edges[0]; LANES];
+                for lane in 0..LANES {
+                    some[lane] = &edges[listed[lane]];
+                }
+                let are_smooth = surface.are_smooth(some);
+                for lane in 0..LANES {
+                    are_creases[listed[lane]] = !are_smooth[lane];
                 }
             }
         }
     }
 }
 
+/// What makes bends of the values at some edges.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bends {
+    /// `lambda_q`, `lambda_s`, and the sum of all three.
+    by_q: Lanes,
+    by_s: Lanes,
+    sum: Lanes,
+    /// The slopes of the edges' functions at p and at q; 0 behind the eye, where none counts.
+    at_p: Lanes,
+    at_q: Lanes,
+}
+
 impl<T: Scalar> Surface<'_, T> {
-    /// The creases, per face a bit for each corner whose edge is one; `None` where there is none.
-    fn creases(&self) -> Option<Vec<u8>> {
-        let (count, adjacency) = (self.mesh.faces().len(), self.mesh.adjacency());
-        let mut sizes = vec![0.0; count];
-        for_each_piece_mut(&mut sizes, FACES_PER_PIECE, |piece, sizes| {
-            let first = piece * FACES_PER_PIECE;
-            dispatch_256::<T, _>(Measure { surface: self, first, sizes });
-        });
-        let mut seams = vec![0_u8; count];
-        for_each_piece_mut(&mut seams, FACES_PER_PIECE, |piece, seams| {
-            let first = piece * FACES_PER_PIECE;
-            dispatch_256::<T, _>(Find { surface: self, adjacency, sizes: &sizes, first, seams });
-        });
-        let mut has_creases = false;
-        for face in 0..count {
-            let bits = seams[face];
-            if bits == 0 {
-                continue;
-            }
-            has_creases = true;
-            for corner in (0..3).filter(|corner| bits >> corner & 1 == 1) {
-                if let Some(beyond) = adjacency.neighbor(face, corner) {
-                    seams[beyond.face as usize] |= 1 << beyond.corner;
-                }
-            }
+    /// Of each edge that two faces share whether it is a crease.
+    fn creases(&self, cull: Cull) -> Vec<bool> {
+        let (faces, edges) = (self.mesh.faces(), self.mesh.shared_edges());
+        let mut are_drawn = vec![true; faces.len()];
+        if cull != Cull::None {
+            let facing = if cull == Cull::Back { 1.0 } else { -1.0 };
+            for_each_piece_mut(&mut are_drawn, PER_PIECE, |piece, are_drawn| {
+                let faces = &faces[piece * PER_PIECE..][..are_drawn.len()];
+                dispatch_256::<T, _>(Judge { surface: self, facing, faces, are_drawn });
+            });
         }
-        has_creases.then_some(seams)
+        let mut are_creases = vec![false; edges.len()];
+        for_each_piece_mut(&mut are_creases, PER_PIECE, |piece, are_creases| {
+            let edges = &edges[piece * PER_PIECE..][..are_creases.len()];
+            dispatch_256::<T, _>(Find { surface: self, are_drawn: &are_drawn, edges, are_creases });
+        });
+        are_creases
     }
 
     #[inline(always)]
-    fn shared_edge(&self, face: usize, corner: usize, neighbor: Neighbor) -> SharedEdge {
-        let Neighbor { face: other, corner: third, is_opposite } = neighbor;
-        let (other, third) = (other as usize, usize::from(third));
-        let (p, q) = (NEXT[corner], NEXT[NEXT[corner]]);
-        let (next, last) = (NEXT[third], NEXT[NEXT[third]]);
-        let [p_beyond, q_beyond] = if is_opposite { [last, next] } else { [next, last] };
-        let (own, beyond) = (self.mesh.faces()[face], self.mesh.faces()[other][third]);
-        let vertices = [own[p], own[q], own[corner], beyond];
-        let (own, beyond) = (self.indices.faces()[face], self.indices.faces()[other]);
-        let rows = [own[p], own[q], own[corner], beyond[third], beyond[p_beyond], beyond[q_beyond]];
-        let mut starts = [0; 6];
-        for k in 0..6 {
-            starts[k] = rows[k] as usize * self.channels;
-        }
-        SharedEdge { face, corner, vertices, rows: starts }
-    }
-
-    /// Positive where no attribute bends or jumps at an edge, and else negative.
-    #[inline(always)]
-    fn are_smooth(&self, edges: &[SharedEdge], sizes: &[f64]) -> Lanes {
-        let (mut of_face, mut vertices) = ([0.0; LANES], [[0; LANES]; 4]);
-        for lane in 0..LANES {
-            of_face[lane] = sizes[edges[lane].face];
-            for k in 0..4 {
-                vertices[k][lane] = edges[lane].vertices[k];
+    fn bends(&self, edges: [&SharedEdge; LANES]) -> Bends {
+        let mut points = [Points::default(); 4];
+        for k in 0..4 {
+            let mut vertices = [0; LANES];
+            for lane in 0..LANES {
+                vertices[lane] = edges[lane].vertices[k];
             }
+            points[k] = self.points(&vertices);
         }
-        let [p, q] = [self.points(&vertices[0]), self.points(&vertices[1])];
-        let [s, r] = [self.points(&vertices[2]), self.points(&vertices[3])];
-        let (mut shares, mut slopes) = ([[0.0; LANES]; 3], [[0.0; LANES]; 2]);
+        let [p, q, s, r] = points;
+        let mut bends = Bends::default();
         for lane in 0..LANES {
             let [p, q, s, r] = [p.vertex(lane), q.vertex(lane), s.vertex(lane), r.vertex(lane)];
             let line = edge(p, q);
             let [_, x, y] = line;
-            let (inverse, r_size) = (1.0 / of_face[lane], determinant(r, line));
+            let (inverse, r_size) = (1.0 / determinant(s, line), determinant(r, line));
             let slope = (x * x + y * y).sqrt() / r_size;
-            shares[0][lane] = inverse * determinant(r, edge(q, s));
-            shares[1][lane] = inverse * determinant(r, edge(s, p));
-            shares[2][lane] = inverse * r_size;
-            slopes[0][lane] = slope * p.w;
-            slopes[1][lane] = slope * q.w;
+            let across = edge(r, s);
+            let [by_p, by_q] =
+                [-inverse * determinant(q, across), inverse * determinant(p, across)];
+            let by_s = inverse * r_size;
+            bends.by_q[lane] = by_q;
+            bends.by_s[lane] = by_s;
+            bends.sum[lane] = by_p + by_q + by_s;
+            let [at_p, at_q] = [slope * p.w, slope * q.w];
+            bends.at_p[lane] = if p.w > 0.0 { at_p } else { 0.0 };
+            bends.at_q[lane] = if q.w > 0.0 { at_q } else { 0.0 };
         }
-        let (most_bend, most_jump) = (self.most_bend, self.most_jump);
-        let mut is_smooth = [1.0; LANES];
-        for channel in 0..self.channels {
-            let values = &self.attributes[channel..];
-            let [at_p, at_q] = [gather(values, edges, 0), gather(values, edges, 1)];
-            let [at_s, at_r] = [gather(values, edges, 2), gather(values, edges, 3)];
-            let [p_beyond, q_beyond] = if self.may_jump {
-                [gather(values, edges, 4), gather(values, edges, 5)]
-            } else {
-                [at_p, at_q]
-            };
+        bends
+    }
+
+    /// At which edges no attribute bends or jumps.
+    #[inline(always)]
+    fn are_smooth(&self, edges: [&SharedEdge; LANES]) -> [bool; LANES] {
+        let bends = self.bends(edges);
+        // 1 where a channel is smooth, and else -1.
+        let mut channels = [[1.0; LANES]; LANES];
+        for at in 0..self.blocks_per_row {
             for lane in 0..LANES {
-                let [p_value, q_value, s_value] = [at_p[lane], at_q[lane], at_s[lane]];
-                let [p_other, q_other, r_value] = [p_beyond[lane], q_beyond[lane], at_r[lane]];
-                let share = shares[2][lane];
-                let from_p = shares[1][lane] * (q_value - p_value) + share * (s_value - p_value);
-                let from_q = shares[0][lane] * (p_value - q_value) + share * (s_value - q_value);
-                let p_bend = slopes[0][lane] * ((r_value - p_other) - from_p);
-                let q_bend = slopes[1][lane] * ((r_value - q_other) - from_q);
-                // Of what is no number nothing is known. An end behind the eye does not count.
-                let holds = ((p_value - p_other).abs() <= most_jump)
-                    & ((q_value - q_other).abs() <= most_jump)
-                    & ((p_bend.abs() <= most_bend) | (p.w[lane] <= 0.0))
-                    & ((q_bend.abs() <= most_bend) | (q.w[lane] <= 0.0));
-                is_smooth[lane] = if holds { is_smooth[lane] } else { -1.0 };
+                let found = self.smooth_channels(edges[lane], at, &bends, lane);
+                for k in 0..LANES {
+                    let known = channels[lane][k];
+                    channels[lane][k] = if found[k] < known { found[k] } else { known };
+                }
             }
         }
-        is_smooth
+        let mut are_smooth = [false; LANES];
+        for lane in 0..LANES {
+            let [a, b, c, d] = channels[lane];
+            are_smooth[lane] = (a > 0.0) & (b > 0.0) & (c > 0.0) & (d > 0.0);
+        }
+        are_smooth
+    }
+
+    /// Which channels of block `at` are smooth at an edge, that of a lane of the bends.
+    #[inline(always)]
+    fn smooth_channels(&self, edge: &SharedEdge, at: usize, bends: &Bends, lane: usize) -> Lanes {
+        let (by_q, by_s, sum) = (bends.by_q[lane], bends.by_s[lane], bends.sum[lane]);
+        let (at_p, at_q) = (bends.at_p[lane], bends.at_q[lane]);
+        let (most_bend, most_jump) = (self.most_bend, self.most_jump);
+        let (mut rows, mut beyond) = (edge.vertices, None);
+        if let Some(indices) = self.indices {
+            let [p, q, s, r, p_beyond, q_beyond] = edge.corners_of(indices.faces());
+            (rows, beyond) = ([p, q, s, r], Some([p_beyond, q_beyond]));
+        }
+        let [p, q] = [self.block(rows[0], at), self.block(rows[1], at)];
+        let [s, r] = [self.block(rows[2], at), self.block(rows[3], at)];
+        let (mut p_beyond, mut q_beyond, mut found) = (p, q, [1.0; LANES]);
+        // Of what is no number nothing is known.
+        if let Some(beyond) = beyond {
+            (p_beyond, q_beyond) = (self.block(beyond[0], at), self.block(beyond[1], at));
+            for k in 0..LANES {
+                let holds = ((p[k] - p_beyond[k]).abs() <= most_jump)
+                    & ((q[k] - q_beyond[k]).abs() <= most_jump);
+                found[k] = if holds { 1.0 } else { -1.0 };
+            }
+        }
+        for k in 0..LANES {
+            let along = q[k] - p[k];
+            let from_p = by_q * along + by_s * (s[k] - p[k]);
+            // From q: `lambda_p (c_p - c_q) + lambda_s (c_s - c_q)`.
+            let from_q = from_p - sum * along;
+            let p_bend = at_p * ((r[k] - p_beyond[k]) - from_p);
+            let q_bend = at_q * ((r[k] - q_beyond[k]) - from_q);
+            let holds = (p_bend.abs() <= most_bend) & (q_bend.abs() <= most_bend);
+            found[k] = if holds { found[k] } else { -1.0 };
+        }
+        found
+    }
+
+    /// A block of a row.
+    #[inline(always)]
+    fn block(&self, row: u32, at: usize) -> Lanes {
+        let values = &self.blocks[row as usize * self.blocks_per_row + at];
+        let mut block = [0.0; LANES];
+        for lane in 0..LANES {
+            block[lane] = values[lane].to_f64();
+        }
+        block
     }
 
     /// Some vertices.
@@ -398,19 +444,3 @@ impl<T: Scalar> Surface<'_, T> {
         points
     }
 }
-
-/// Of each edge the value of its row `row`.
-#[inline(always)]
-fn gather<T: Scalar>(values: &[T], edges: &[SharedEdge], row: usize) -> Lanes {
-    let (mut found, mut wide) = ([T::ZERO; LANES], [0.0; LANES]);
-    for lane in 0..LANES {
-        found[lane] = values[edges[lane].rows[row]];
-    }
-    for lane in 0..LANES {
-        wide[lane] = found[lane].to_f64();
-    }
-    wide
-}
-
-/// The corner after a corner.
-const NEXT: [usize; 3] = [1, 2, 0];

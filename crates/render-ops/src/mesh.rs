@@ -23,6 +23,7 @@ struct Topology {
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
     adjacency: OnceLock<Adjacency>,
+    shared_edges: OnceLock<Vec<SharedEdge>>,
     corners: OnceLock<Corners>,
 }
 
@@ -50,8 +51,14 @@ impl Mesh {
     }
 
     fn from_checked(faces: Vec<[u32; 3]>, vertex_count: usize, seams: Arc<[u8]>) -> Self {
-        let (adjacency, corners) = (OnceLock::new(), OnceLock::new());
-        Self { topology: Arc::new(Topology { faces, vertex_count, adjacency, corners }), seams }
+        let topology = Topology {
+            faces,
+            vertex_count,
+            adjacency: OnceLock::new(),
+            shared_edges: OnceLock::new(),
+            corners: OnceLock::new(),
+        };
+        Self { topology: Arc::new(topology), seams }
     }
 
     /// The faces of several meshes one after another, each with the index of its first vertex among
@@ -118,12 +125,31 @@ impl Mesh {
         Self { topology: Arc::clone(&self.topology), seams }
     }
 
-    /// The same mesh whose seams are its own and `more`: per face, a bit for each corner whose edge is a
-    /// seam.
-    pub(crate) fn with_more_seams(&self, more: &[u8]) -> Self {
-        let seams = more.iter().enumerate();
-        let seams = seams.map(|(face, more)| self.seams_of(face) | more).collect();
-        Self { topology: Arc::clone(&self.topology), seams }
+    /// The same mesh whose seams are its own and `more`: whether each of the [shared edges](Self::shared_edges)
+    /// is one.
+    pub(crate) fn with_more_seams(&self, more: &[bool]) -> Self {
+        // Few are, and most meshes have none.
+        const AT_ONCE: usize = 64;
+        let mut seams = Vec::new();
+        let edges = self.shared_edges().chunks(AT_ONCE);
+        for (edges, more) in edges.zip(more.chunks(AT_ONCE)) {
+            if !more.iter().fold(false, |some, more| some | more) {
+                continue;
+            }
+            if seams.is_empty() {
+                seams = self.seams.to_vec();
+                seams.resize(self.faces().len(), 0);
+            }
+            for (edge, _) in edges.iter().zip(more).filter(|(_, more)| **more) {
+                for (face, corner) in edge.faces.into_iter().zip(edge.corners) {
+                    seams[face as usize] |= 1 << corner;
+                }
+            }
+        }
+        if seams.is_empty() {
+            return self.clone();
+        }
+        Self { topology: Arc::clone(&self.topology), seams: seams.into() }
     }
 
     /// Whether a face says that its edge facing a corner is a seam.
@@ -138,24 +164,11 @@ impl Mesh {
         self.seams.get(face).copied().unwrap_or_default()
     }
 
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
+    /// The edges of a face at which the surface ends, or turns away: a bit for the corner that each faces.
     /// `orientation` gives the sign of a face's area as it is seen, or 0 for a face that covers
     /// nothing. The surface ends where no face lies beyond the edge. It turns away where both faces
     /// lie on the same side of the edge in the image. A face seen edge-on, to within rounding, covers
     /// neither side, and neither does a culled face. So the other face ends there, too.
-    #[inline(always)]
-    pub(crate) fn is_silhouette(
-        &self,
-        face: usize,
-        corner: usize,
-        orientation: impl Fn(usize) -> i8,
-    ) -> bool {
-        self.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
-            neighbor.is_turned(orientation(face), orientation(neighbor.face as usize))
-        })
-    }
-
-    /// [`Mesh::is_silhouette`] of all edges of a face: a bit for the corner that each faces.
     #[inline(always)]
     pub(crate) fn silhouettes_of(&self, face: usize, orientation: impl Fn(usize) -> i8) -> u8 {
         let own = orientation(face);
@@ -186,6 +199,12 @@ impl Mesh {
     #[inline]
     pub fn adjacency(&self) -> &Adjacency {
         self.topology.adjacency.get_or_init(|| Adjacency::new(&self.topology.faces))
+    }
+
+    /// The edges of exactly two faces, in the order of the first of them.
+    pub(crate) fn shared_edges(&self) -> &[SharedEdge] {
+        let Topology { faces, shared_edges, .. } = &*self.topology;
+        shared_edges.get_or_init(|| SharedEdge::all(faces, self.adjacency()))
     }
 
     /// Which corners stand at each vertex.
@@ -235,6 +254,52 @@ impl Neighbor {
     pub(crate) fn is_turned(self, orientation: i8, other: i8) -> bool {
         let product = orientation * other;
         if self.is_opposite { product <= 0 } else { product >= 0 }
+    }
+}
+
+/// An edge of exactly two faces.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SharedEdge {
+    /// The vertices p, q, s and r: the edge runs from p to q, its first face is (p, q, s), and r lies across.
+    pub(crate) vertices: [u32; 4],
+    /// The lower face first.
+    pub(crate) faces: [u32; 2],
+    /// Which corner of each face faces the edge.
+    corners: [u8; 2],
+    /// As of a [`Neighbor`].
+    is_opposite: bool,
+}
+
+impl SharedEdge {
+    fn all(faces: &[[u32; 3]], adjacency: &Adjacency) -> Vec<Self> {
+        let count = adjacency.neighbors.as_flattened().iter().flatten().count() / 2;
+        let mut edges = Vec::with_capacity(count);
+        for (face, neighbors) in (0..).zip(&adjacency.neighbors) {
+            for (corner, neighbor) in (0..).zip(neighbors) {
+                let Some(Neighbor { face: other, corner: third, is_opposite }) = *neighbor else {
+                    continue;
+                };
+                if other > face {
+                    let (faces_of_edge, corners) = ([face, other], [corner, third]);
+                    let mut edge =
+                        Self { vertices: [0; 4], faces: faces_of_edge, corners, is_opposite };
+                    let [p, q, s, r, ..] = edge.corners_of(faces);
+                    edge.vertices = [p, q, s, r];
+                    edges.push(edge);
+                }
+            }
+        }
+        edges
+    }
+
+    /// What the index buffer `indices` has at p, q, s and r, and at p and q in the face beyond.
+    #[inline(always)]
+    pub(crate) fn corners_of(&self, indices: &[[u32; 3]]) -> [u32; 6] {
+        let [own, beyond] = self.faces.map(|face| indices[face as usize]);
+        let [s, r] = self.corners.map(usize::from);
+        let [next, last] = [1, 2].map(|k| beyond[(r + k) % 3]);
+        let [p, q] = if self.is_opposite { [last, next] } else { [next, last] };
+        [own[(s + 1) % 3], own[(s + 2) % 3], own[s], beyond[r], p, q]
     }
 }
 

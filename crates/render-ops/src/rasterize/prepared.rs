@@ -38,10 +38,10 @@ pub(super) struct Prepared<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
-    /// [`Mesh::is_silhouette`], as the mesh is seen.
+    /// [`Mesh::silhouettes_of`], as the mesh is seen.
     #[inline(always)]
-    pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
-        self.mesh.is_silhouette(face, corner, |face| self.verdicts[face].orientation)
+    pub(super) fn silhouettes_of(&self, face: usize) -> u8 {
+        self.mesh.silhouettes_of(face, |face| self.verdicts[face].orientation)
     }
 
     /// A face before its pixels are visited one by one.

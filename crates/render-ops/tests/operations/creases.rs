@@ -233,6 +233,102 @@ proptest! {
     }
 }
 
+/// A bumpy ground of cells that are cut in two, and attributes of their own for each of its faces' corners, or
+/// one for each vertex.
+#[derive(Debug, Clone)]
+struct Ground {
+    faces: Vec<[u32; 3]>,
+    clip: Vec<[f64; 4]>,
+    indices: Option<Vec<[u32; 3]>>,
+    channels: usize,
+    values: Vec<f64>,
+}
+
+fn ground() -> impl Strategy<Value = Ground> {
+    let counts = (1..9_usize, 1..9_usize, 1..10_usize);
+    let random = counts.prop_flat_map(|counts| {
+        let (wide, high, channels) = counts;
+        let vertices = (wide + 1) * (high + 1);
+        let bumps = proptest::collection::vec(uniform3(-1.0..1.0), vertices);
+        let values = proptest::collection::vec(-1.0..1.0, 6 * vertices * channels);
+        let shift = proptest::option::of(0..6 * vertices);
+        (Just(counts), bumps, values, shift)
+    });
+    random.prop_map(|((wide, high, channels), bumps, values, shift)| {
+        let index = |i: usize, j: usize| (j * (wide + 1) + i) as u32;
+        let clip = (0..bumps.len()).map(|vertex| {
+            let ([a, b, c], w) = (bumps[vertex], 2.0 + bumps[vertex][2]);
+            let (i, j) = (vertex % (wide + 1), vertex / (wide + 1));
+            let [x, y] = [(i, a), (j, b)].map(|(at, by)| 0.2 * (at as f64 + 0.6 * by) - 0.9);
+            [x * w, y * w, 0.3 * c * w, w]
+        });
+        let clip = clip.collect();
+        let cells = (0..wide * high).map(|cell| (cell % wide, cell / wide));
+        let faces: Vec<_> = cells
+            .flat_map(|(i, j)| {
+                let [p, q] = [index(i, j), index(i + 1, j)];
+                let [r, s] = [index(i + 1, j + 1), index(i, j + 1)];
+                [[p, q, r], if (i + j) % 3 == 0 { [s, r, p] } else { [p, r, s] }]
+            })
+            .collect();
+        let shifted = |shift: usize| {
+            let rows = values.len() / channels;
+            faces.iter().map(|face| face.map(|k| ((k as usize + shift) % rows) as u32)).collect()
+        };
+        Ground { indices: shift.map(shifted), clip, channels, values: values.clone(), faces }
+    })
+}
+
+impl Ground {
+    /// The creases of some of its faces, the other ones left out.
+    fn marked(&self, some: &[usize], options: RasterOptions) -> Mesh {
+        let tape = Tape::<f64>::new();
+        let clip = tape.constant(&Tensor::from_fn([self.clip.len(), 4], |[v, k]| self.clip[v][k]));
+        let rows = if self.indices.is_some() {
+            self.values.len() / self.channels
+        } else {
+            self.clip.len()
+        };
+        let value = |[row, channel]: [usize; 2]| {
+            // Of a range that faces alone do not have.
+            let value = self.values[row * self.channels + channel];
+            if row == 0 { 3.0 * value.signum() } else { value }
+        };
+        let values = tape.constant(&Tensor::from_fn([rows, self.channels], value));
+        let faces = |all: &[[u32; 3]]| some.iter().map(|&face| all[face]).collect();
+        let mesh = Mesh::new(faces(&self.faces), self.clip.len()).unwrap();
+        let indices = self.indices.as_ref().map(|all| Mesh::new(faces(all), rows).unwrap());
+        let attributes = indices.as_ref().map_or(values.into(), |indices| (values, indices).into());
+        mark_creases(&mesh, clip, attributes, options).unwrap()
+    }
+}
+
+proptest! {
+    #[test]
+    fn each_edge_of_a_mesh_is_a_crease_as_its_two_faces_alone_say(
+        ground in ground(),
+        tolerance in 0.01..0.6,
+        cull in prop_oneof![Just(Cull::None), Just(Cull::Back), Just(Cull::Front)],
+    ) {
+        let options = RasterOptions::new(Size::square(16)).cull(cull).crease_tolerance(tolerance);
+        let all: Vec<_> = (0..ground.faces.len()).collect();
+        let mesh = ground.marked(&all, options);
+        for (one, other) in all.iter().flat_map(|&one| (0..one).map(move |other| (other, one))) {
+            let corner = |face: usize, beyond: usize| {
+                let is_across = |k: &usize| !ground.faces[beyond].contains(&ground.faces[face][*k]);
+                let across: Vec<_> = (0..3).filter(is_across).collect();
+                (across.len() == 1).then(|| across[0])
+            };
+            if let (Some(k), Some(l)) = (corner(one, other), corner(other, one)) {
+                let pair = ground.marked(&[one, other], options);
+                prop_assert_eq!(mesh.is_seam(one, k), pair.is_seam(0, k));
+                prop_assert_eq!(mesh.is_seam(other, l), pair.is_seam(1, l));
+                prop_assert_eq!(pair.is_seam(0, k), pair.is_seam(1, l));
+            }
+        }
+    }
+}
+
 #[test]
 fn seams_of_the_mesh_stay() {
     let pair = square();

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::pixel_border::lies_on_border;
-use super::pixel_mask::PixelMask;
+use super::pixel_mask::{PixelMask, stripe_shift, stripes_of};
 use super::polygon::{Line, size};
 use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
@@ -13,6 +13,7 @@ use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::corner::Corner;
 use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
+use crate::size::Size;
 
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
@@ -21,14 +22,20 @@ pub(super) const REACH: f64 = 1.0 + 1e-6;
 /// outline, and seams. The others follow.
 pub(super) type FaceBits = u16;
 
+/// Which edges of a face something holds of: a bit for each.
+#[inline(always)]
+pub(super) fn each_edge(holds: impl Fn(usize) -> bool) -> FaceBits {
+    FaceBits::from(holds(0)) | FaceBits::from(holds(1)) << 1 | FaceBits::from(holds(2)) << 2
+}
+
 /// The first bit of a face's seams that are not of the outline: the surface goes on beyond them.
 pub(super) const INNER_SEAM: u16 = 3;
 
 /// The first bit of marked edges for which the face beyond stands: it is the lower of the two, and is drawn, too.
 pub(super) const SECOND: u16 = 6;
 
-/// The first bit of a face's edges that run along rows or columns.
-pub(super) const ALONG_AXIS: u16 = 9;
+/// The bit of a face with a vertex beyond the depth range.
+pub(super) const BEYOND: u16 = 9;
 
 /// The marked edges for which a face itself stands.
 #[inline(always)]
@@ -61,12 +68,26 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.view.centers[index * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
+    /// The stripes of the image that each face may reach into, of `1 << shift` columns.
+    #[inline(always)]
+    pub(super) fn stripes(&self, shift: u32) -> impl Iterator<Item = u64> {
+        self.faces.iter().map(
+            #[inline(always)]
+            move |&face| {
+                let [_, columns] = self.reach(face);
+                // A face whose box is empty stands in the list, too.
+                if columns.is_empty() { 0 } else { stripes_of(columns, shift) }
+            },
+        )
+    }
+
     /// Calls `visit` with each face of the band in whose box of pixels a block of `block` pixels of a row is
-    /// marked. `some_rows` of the band and `some_columns` of blocks limit the search. Once `visit` returns
-    /// false, the search ends.
+    /// marked. `stripes` are those of each face. `some_rows` of the band and `some_columns` of blocks limit the search.
+    /// Once `visit` returns false, the search ends.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
+        stripes: &[u64],
         marks: &PixelMask,
         block: usize,
         [some_rows, some_columns]: [Range<usize>; 2],
@@ -74,20 +95,24 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) {
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
-        for (index, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
-            let [rows, columns] = self.reach(face);
+        let marked = marks.stripes(block, stripe_shift(self.view.size.width));
+        for (index, &stripes) in stripes.iter().enumerate() {
+            // Most faces are far from all marks.
+            if stripes & marked == 0 {
+                continue;
+            }
+            let [rows, columns] = self.reach(self.faces[index]);
             let columns = (columns.start / block).max(some_columns.start)
                 ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
             let rows = (rows.start - self.rows.start).max(some_rows.start)
                 ..(rows.end - self.rows.start).min(some_rows.end);
-            // Most faces are far from all marks.
             if !marks.has_some(rows.clone(), columns.clone()) {
                 continue;
             }
-            let edges = weights.edges;
+            let edges = self.weights[index].edges;
             let reach =
                 edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            if !visit(index, FaceBox { rows, columns, edges, reach }) {
+            if !visit(index as u32, FaceBox { rows, columns, edges, reach }) {
                 return;
             }
         }
@@ -148,17 +173,16 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         depth(&vertices, &self.edges_around(band_face, q))
     }
 
-    /// A face around the centre of a pixel. By `vertex_rounding` times its edge functions its depth may be off,
-    /// since vertices were rounded.
+    /// A face around the centre of a pixel, of whose edges some run along rows or columns.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
         bits: FaceBits,
         [x, y]: [T::Wide; 2],
-        vertex_rounding: [T::Wide; 3],
+        (along_axis, errors): (FaceBits, &DepthErrors<T::Wide>),
     ) -> Candidate<T::Wide> {
-        let on_border = self.on_border(band_face, bits >> ALONG_AXIS, [x, y]);
+        let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
@@ -171,14 +195,11 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let edges = self.edges_around(band_face, q);
         let depth = depth(&vertices, &edges);
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
-        let extents = vertices.map(|vertex| {
-            let [x, y] = extent(vertex, self.view.size);
-            x.maximum_or_nan(y)
-        });
-        let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        let [a, b, c] = edges.map(size);
-        let tie_bound = depth_error_bound
-            + (vertex_rounding[0] * a + vertex_rounding[1] * b + vertex_rounding[2] * c);
+        let sizes = edges.map(size);
+        let depth_error_bound = errors.in_pixel(&vertices, depth, reaches, sizes);
+        let [a, b, c] = sizes;
+        let [by_a, by_b, by_c] = errors.vertex_rounding;
+        let tie_bound = depth_error_bound + (by_a * a + by_b * b + by_c * c);
         Candidate {
             band_face,
             edges,
@@ -206,10 +227,10 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
-    /// them. The first three bits of `along_axis` tell which edges run along rows or columns.
+    /// them. The bits of `along_axis` tell which edges run along rows or columns.
     #[inline(always)]
     fn on_border(&self, band_face: u32, along_axis: FaceBits, center: [T::Wide; 2]) -> u8 {
-        match along_axis & 0b111 {
+        match along_axis {
             0 => 0,
             some => self.some_on_border(band_face, some, center),
         }
@@ -248,32 +269,67 @@ pub(super) fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) 
     [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))
 }
 
-/// More than what [`depth`] is off by in a pixel: much where a face is thin. `reaches` are sizes of the
-/// vertices relative to the pixel's centre, `extents` those of their coordinates in the image.
-///
-/// Of an edge function with the ends p and q the value at the centre is off by some roundings of
-/// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
-/// off, by which the depth's slopes are divided, and the depth d at the centre by
-/// `sum (z_i - d w_i) / D` of the values' bounds; and all sums are rounded.
-#[inline(always)]
-fn depth_error_bound<S: Scalar>(
-    vertices: &[Vertex<S>; 3],
-    edges: &[Line<S>; 3],
-    depth: Line<S>,
-    reaches: [S; 3],
+/// What is known of the errors of a face's depth, whichever the pixel.
+#[derive(Debug)]
+pub(super) struct DepthErrors<S> {
+    /// By this times its edge functions its depth may be off, since its vertices were rounded.
+    pub(super) vertex_rounding: [S; 3],
+    /// How large the coordinates of its vertices in the image are.
     extents: [S; 3],
-) -> S {
-    let [middle, x, y] = depth;
-    let slope = x.abs() + y.abs();
-    let mut sum = S::ZERO;
-    for i in 0..3 {
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let Vertex { z, w, .. } = vertices[i];
-        let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
-        let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
-        sum += ((z - middle * w).abs() + slope * w.abs()) * of_value
-            + z.abs() * of_slopes
-            + (z.abs() + (middle * w).abs()) * size(edges[i]);
+    /// What the slopes of its edge functions are off by, times its vertices' z.
+    of_slopes: S,
+    /// Of so much its depth is a roundoff off.
+    unit: S,
+}
+
+impl<S: Scalar> DepthErrors<S> {
+    #[inline(always)]
+    pub(super) fn new(
+        vertices: &[Vertex<S>; 3],
+        vertex_rounding: [S; 3],
+        total: S,
+        image: Size,
+    ) -> Self {
+        let extents = vertices.map(|vertex| {
+            let [x, y] = extent(vertex, image);
+            x.maximum_or_nan(y)
+        });
+        let of_slopes = (0..3)
+            .map(|i| {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
+                vertices[i].z.abs() * of_slopes
+            })
+            .sum();
+        let unit = S::from_f64(8.0 * f64::EPSILON) / total;
+        Self { vertex_rounding, extents, of_slopes, unit }
     }
-    S::from_f64(8.0 * f64::EPSILON) * sum / total(vertices, edges).abs()
+
+    /// More than what [`depth`] is off by in a pixel: much where a face is thin. `reaches` are sizes of the
+    /// vertices relative to the pixel's centre, `sizes` those of the edge functions.
+    ///
+    /// Of an edge function with the ends p and q the value at the centre is off by some roundings of
+    /// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
+    /// off, by which the depth's slopes are divided, and the depth d at the centre by
+    /// `sum (z_i - d w_i) / D` of the values' bounds; and all sums are rounded.
+    #[inline(always)]
+    fn in_pixel(
+        &self,
+        vertices: &[Vertex<S>; 3],
+        [middle, x, y]: Line<S>,
+        reaches: [S; 3],
+        sizes: [S; 3],
+    ) -> S {
+        let Self { extents, of_slopes, unit, .. } = *self;
+        let slope = x.abs() + y.abs();
+        let mut sum = of_slopes;
+        for i in 0..3 {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let Vertex { z, w, .. } = vertices[i];
+            let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
+            sum += ((z - middle * w).abs() + slope * w.abs()) * of_value
+                + (z.abs() + (middle * w).abs()) * sizes[i];
+        }
+        unit * sum
+    }
 }

@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BandFaces, FaceBits, INNER_SEAM, REACH, SECOND, own_edges};
+use super::band_faces::{
+    BEYOND, BandFaces, FaceBits, INNER_SEAM, REACH, SECOND, each_edge, own_edges,
+};
 use super::depth_intervals::{DepthInterval, front_layers, may_cross};
 use super::faces_by_pixel::FacesByPixel;
 use super::pieces::Pieces;
-use super::pixel_border::is_along_axis;
-use super::pixel_mask::{BLOCK, PixelMask};
+use super::pixel_mask::{BLOCK, PixelMask, stripe_shift};
 use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
@@ -20,6 +21,8 @@ use crate::mesh::Neighbor;
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct BoundarySearch<S> {
     marks: PixelMask,
+    /// The stripes of the image that each face of the band may reach into.
+    stripes: Vec<u64>,
     regions: Regions,
     /// The first pixel of each region, and how many faces cover its centre.
     firsts: PixelMask,
@@ -48,55 +51,64 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         if self.marks.count() == 0 {
             return;
         }
-        let (mut marks, mut faces_by_pixel) =
-            (std::mem::take(&mut self.marks), std::mem::take(&mut self.faces_by_pixel));
-        faces_by_pixel.for_each(band, &mut marks, 1, |pixel, center, faces| {
+        let mut marks = std::mem::take(&mut self.marks);
+        let stripes = std::mem::take(&mut self.stripes);
+        let mut faces_by_pixel = std::mem::take(&mut self.faces_by_pixel);
+        faces_by_pixel.for_each(band, &stripes, &mut marks, 1, |pixel, center, faces| {
             self.resolve(band, pixel, center, faces, pieces);
         });
-        (self.marks, self.faces_by_pixel) = (marks, faces_by_pixel);
+        (self.marks, self.stripes, self.faces_by_pixel) = (marks, stripes, faces_by_pixel);
     }
 
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
     #[inline(always)]
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
-        let Self { marks, face_bits, planes, .. } = self;
+        let Self { marks, stripes, face_bits, planes, .. } = self;
         let adjacency = view.mesh.adjacency();
         marks.clear(band.rows.len(), view.size.width);
-        face_bits.clear();
+        stripes.clear();
+        stripes.extend(band.stripes(stripe_shift(view.size.width)));
         planes.clear(band.faces.len());
-        for (index, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
-            let neighbors = adjacency.neighbors(face as usize);
-            let outline = each_edge(|k| view.is_silhouette(face as usize, k));
-            let seams = FaceBits::from(view.mesh.seams_of(face as usize));
-            let along_axis = each_edge(|k| is_along_axis(weights.edges[k]));
-            let [p, q, r] = view.corners_of(face as usize);
-            let is_beyond = p.is_beyond_depths() | q.is_beyond_depths() | r.is_beyond_depths();
-            let marked = outline | seams;
-            let is_before = |beyond: Neighbor| {
-                beyond.face < face && view.verdicts[beyond.face as usize].is_drawn()
-            };
-            let second = if marked == 0 {
-                0
-            } else {
-                each_edge(|k| marked >> k & 1 == 1 && neighbors[k].is_some_and(is_before))
-            };
-            let bits = marked
-                | (seams & !outline) << INNER_SEAM
-                | second << SECOND
-                | along_axis << ALONG_AXIS;
-            face_bits.push(bits);
-            for corner in (0..3).filter(|k| own_edges(bits) >> k & 1 == 1) {
+        face_bits.clear();
+        face_bits.extend(band.faces.iter().map(
+            #[inline(always)]
+            |&face| {
+                let outline = FaceBits::from(view.silhouettes_of(face as usize));
+                let seams = FaceBits::from(view.mesh.seams_of(face as usize));
+                let marked = outline | seams;
+                let corners = view.corners_of(face as usize);
+                let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
+                if marked == 0 {
+                    return FaceBits::from(is_beyond) << BEYOND;
+                }
+                let neighbors = adjacency.neighbors(face as usize);
+                let is_before = |beyond: Neighbor| {
+                    beyond.face < face && view.verdicts[beyond.face as usize].is_drawn()
+                };
+                let second =
+                    each_edge(|k| marked >> k & 1 == 1 && neighbors[k].is_some_and(is_before));
+                marked
+                    | (seams & !outline) << INNER_SEAM
+                    | second << SECOND
+                    | FaceBits::from(is_beyond) << BEYOND
+            },
+        ));
+        for (index, (&face, &bits)) in (0..).zip(band.faces.iter().zip(&*face_bits)) {
+            let mut own = own_edges(bits);
+            while own != 0 {
+                let corner = own.trailing_zeros() as usize;
+                own &= own - 1;
                 // An edge of two faces is marked once, by the face that stands for it.
                 let [rows, columns] = band.reach_of_edge(face, corner);
-                let [one, x, y] = weights.edges[corner];
+                let [one, x, y] = band.weights[index as usize].edges[corner];
                 let start = one + x * view.centers[0];
                 for row in rows {
                     let line = [start + y * view.ys[row], x, y];
                     marks.mark(row - band.rows.start, near_line(line, columns.clone()));
                 }
             }
-            if is_beyond {
+            if bits >> BEYOND & 1 == 1 {
                 let [rows, columns] = band.reach(face);
                 for row in rows {
                     let [depth, x, y] = band.depth(index, view.centers[0], view.ys[row]);
@@ -114,7 +126,16 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     #[inline(always)]
     fn mark_crossings<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let Self {
-            marks, regions, firsts, layers, blocks, planes, intervals, faces_by_pixel, ..
+            marks,
+            stripes,
+            regions,
+            firsts,
+            layers,
+            blocks,
+            planes,
+            intervals,
+            faces_by_pixel,
+            ..
         } = self;
         let (rows, width) = (band.rows.len(), band.view.size.width);
         regions.find(marks, rows, width);
@@ -122,7 +143,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         regions.mark_first(firsts);
         layers.clear();
         layers.resize(firsts.count(), 0);
-        band.for_each_face(firsts, 1, [0..rows, 0..width], |face, reach| {
+        band.for_each_face(stripes, firsts, 1, [0..rows, 0..width], |face, reach| {
             // One too many does no harm.
             let bounds = band.edge_error_bounds(face);
             band.for_each_block(firsts, 1, reach, |number, a| {
@@ -143,7 +164,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         blocks.mark_whole_blocks(suspects);
         // No edge of the outline is near.
         let no_outline = 0;
-        faces_by_pixel.for_each(band, blocks, BLOCK, |[row, block], center, faces| {
+        faces_by_pixel.for_each(band, stripes, blocks, BLOCK, |[row, block], center, faces| {
             intervals.clear();
             intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, BLOCK)));
             if !may_cross(intervals, |face| planes.in_block(band, face, no_outline, center, BLOCK))
@@ -151,7 +172,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                 suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
             }
         });
-        faces_by_pixel.for_each(band, suspects, 1, |[row, column], center, faces| {
+        faces_by_pixel.for_each(band, stripes, suspects, 1, |[row, column], center, faces| {
             intervals.clear();
             intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
             if may_cross(intervals, |face| planes.in_block(band, face, no_outline, center, 1)) {
@@ -180,17 +201,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             return;
         }
         intervals.retain(|interval| !interval.is_out());
-        let candidate = |face: u32| {
-            band.candidate(face, face_bits[face as usize], center, planes.vertex_rounding(face))
-        };
+        let candidate =
+            |face: u32| band.candidate(face, face_bits[face as usize], center, planes.known(face));
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
-}
-
-/// Which edges of a face something holds of: a bit for each.
-#[inline(always)]
-fn each_edge(holds: impl Fn(usize) -> bool) -> FaceBits {
-    (0..3).map(|k| FaceBits::from(holds(k)) << k).sum()
 }
 
 /// The range of `columns` in whose pixels of a row a line passes, and perhaps a few more columns. The

@@ -32,6 +32,7 @@ impl FacesByPixel {
     fn find<T: Scalar>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
+        stripes: &[u64],
         marks: &PixelMask,
         block: usize,
         some: Range<usize>,
@@ -44,6 +45,7 @@ impl FacesByPixel {
         ends.clear();
         ends.resize(some.len() + 1, 0);
         band.for_each_face(
+            stripes,
             marks,
             block,
             [top..bottom + 1, columns],
@@ -82,11 +84,12 @@ impl FacesByPixel {
     }
 
     /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, with
-    /// its centre, and with the faces that may reach into it.
+    /// its centre, and with the faces that may reach into it. `stripes` are those of each face.
     #[inline(always)]
     pub(super) fn for_each<T: Scalar>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
+        stripes: &[u64],
         marks: &mut PixelMask,
         block: usize,
         mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
@@ -104,7 +107,7 @@ impl FacesByPixel {
         }
         self.open.push(0..self.blocks.len());
         while let Some(some) = self.open.pop() {
-            if !self.find(band, marks, block, some.clone()) {
+            if !self.find(band, stripes, marks, block, some.clone()) {
                 // The first half is on top, so blocks are visited in their order.
                 let middle = some.start + some.len() / 2;
                 self.open.extend([middle..some.end, some.start..middle]);

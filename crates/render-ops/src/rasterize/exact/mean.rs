@@ -316,8 +316,8 @@ mod tests {
                 add(i, edges_bar[i], edges[i]);
             }
             for (bound, ends) in polygons.segments(polygon) {
-                if bound.line != BORDER {
-                    let k = bound.line as usize;
+                if bound.line() != BORDER {
+                    let k = bound.line() as usize;
                     let [_, x, y] = case.lines[k];
                     add(3 + k, line_bar(ends, 1.0, [x, y], growth.along(ends)), lines[k]);
                 }

@@ -112,12 +112,12 @@ impl<S: Scalar> Parts<S> {
     pub(super) fn for_each_side(&self, mut visit: impl FnMut(u32, Side<S>)) {
         for part in &self.parts {
             for (bound, ends) in self.polygons.segments(part.polygon) {
-                if bound.line == BORDER {
+                if bound.line() == BORDER {
                     continue;
                 }
-                let index = bound.line as usize;
+                let index = bound.line() as usize;
                 let [_, x, y] = self.lines[index];
-                let ((source, is_on_border), is_inside) = (self.sources[index], bound.is_inside);
+                let ((source, is_on_border), is_inside) = (self.sources[index], bound.is_inside());
                 let side = Side { source, is_inside, is_on_border, normal: [x, y], ends };
                 visit(part.candidate, side);
             }

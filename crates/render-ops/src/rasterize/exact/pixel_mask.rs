@@ -80,6 +80,21 @@ impl PixelMask {
         }
     }
 
+    /// Of up to 64 stripes of the image, each of `1 << shift` columns, those in which a pixel is marked, where a mark
+    /// stands for `block` pixels of a row. The pixels have been counted.
+    pub(super) fn stripes(&self, block: usize, shift: u32) -> u64 {
+        let mut stripes = 0;
+        for (word, &bits) in self.some_row.iter().enumerate() {
+            let mut bits = bits;
+            while bits != 0 {
+                let first = (word * BITS + bits.trailing_zeros() as usize) * block;
+                stripes |= stripes_of(first..first + block, shift);
+                bits &= bits - 1;
+            }
+        }
+        stripes
+    }
+
     /// Counts the marked pixels.
     pub(super) fn count(&mut self) -> usize {
         self.some_row.clear();
@@ -194,6 +209,17 @@ impl Marked {
     }
 }
 
+/// How many columns a stripe of an image has, as a power of two, so that there are at most 64.
+pub(super) fn stripe_shift(width: usize) -> u32 {
+    width.div_ceil(BITS).next_power_of_two().trailing_zeros()
+}
+
+/// The stripes of `1 << shift` columns in which some of `columns` lie, of which there is one at least: a bit for each.
+#[inline(always)]
+pub(super) fn stripes_of(columns: Range<usize>, shift: u32) -> u64 {
+    within(0, columns.start >> shift, (columns.end - 1) >> shift)
+}
+
 /// The bits of word `word` of a row that are columns from `first` to `last`.
 #[inline(always)]
 fn within(word: usize, first: usize, last: usize) -> u64 {
@@ -232,6 +258,17 @@ mod tests {
             let within = expected.iter().copied().filter(|(_, column)| columns.contains(column));
             assert!(found.into_iter().eq(within));
         }
+        for (block, shift) in [1, 2, 8]
+            .into_iter()
+            .flat_map(|block| [0, 3, 6].map(|s| (block, s + stripe_shift(block * width))))
+        {
+            let is_marked = |stripe: usize| {
+                let columns = expected.iter().flat_map(|&(_, c)| c * block..(c + 1) * block);
+                columns.clone().any(|column| column >> shift == stripe)
+            };
+            let all = (0..64).filter(|&stripe| is_marked(stripe)).map(|stripe| 1 << stripe).sum();
+            assert_eq!(marks.stripes(block, shift), all);
+        }
         let gaps = |marks: &PixelMask, row| {
             let mut gaps = Vec::new();
             marks.for_each_gap(row, width, |gap| gaps.push([gap.start, gap.end]));
@@ -244,12 +281,19 @@ mod tests {
         blocks.clear(rows, width / BLOCK);
         blocks.mark_whole_blocks(&marks);
         assert_eq!(blocks.count(), width / BLOCK);
+        // A block of 8 columns lies in two stripes of 4.
+        assert_eq!(blocks.stripes(BLOCK, stripe_shift(width)), u64::MAX >> (64 - width / 4));
         assert!(blocks.has_some(1..2, 0..1) && !blocks.has_some(0..1, 0..width / BLOCK));
         marks.unmark(1, 3..130);
         assert_eq!(gaps(&marks, 1), [[3, 130]]);
         blocks.clear(rows, width / BLOCK);
         blocks.mark_whole_blocks(&marks);
         assert_eq!(gaps(&blocks, 1)[0], [0, 17]);
+        for width in [1, 2, 63, 64, 65, 128, 129, 1000, 1024, 1025, 5000_usize] {
+            let last = (width - 1) >> stripe_shift(width);
+            assert!(last < 64 && (width <= 64 || last >= 32));
+        }
+        assert_eq!(stripes_of(5..6, 0) | stripes_of(60..130, 1), 1 << 5 | u64::MAX << 30);
         marks.clear(1, 10);
         assert_eq!(marks.count(), 0);
     }

@@ -2,8 +2,9 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, FaceBits, REACH, depth, total};
+use super::band_faces::{BandFaces, DepthErrors, FaceBits, REACH, depth, each_edge, total};
 use super::depth_intervals::{DepthInterval, FaceInBlock};
+use super::pixel_border::is_along_axis;
 use super::polygon::{Line, value_at};
 use crate::homogeneous::Vertex;
 
@@ -22,8 +23,9 @@ struct Plane<S> {
     /// More than what its depths are off by in the face, where they are in the depth range. Unless the face
     /// may reach out of that range, the rounding of its vertices is part of it.
     error_bound: S,
-    /// By this times its edge functions its depth may be off, since its vertices were rounded.
-    vertex_rounding: [S; 3],
+    /// Which edges run along rows or columns.
+    along_axis: FaceBits,
+    errors: DepthErrors<S>,
 }
 
 /// The planes of a band's faces. Most faces are far from all pixels that ask.
@@ -53,7 +55,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         if *index == NONE {
             // Worked out when a pixel asks first.
             *index = self.planes.len() as u32;
-            self.planes.push(Plane::new(band, band_face));
+            Plane::add(&mut self.planes, band, band_face);
         }
         &self.planes[*index as usize]
     }
@@ -67,13 +69,9 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> DepthInterval<S> {
-        let Plane {
-            depth: [one, x, y],
-            range: [least, most],
-            mut error_bound,
-            vertex_rounding,
-            ..
-        } = *self.plane_of(band, face);
+        let Plane { depth: [one, x, y], range: [least, most], error_bound, ref errors, .. } =
+            *self.plane_of(band, face);
+        let mut error_bound = error_bound;
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
         // From the centre of the block: `width` units to its left and right ends, and 1 up and down.
@@ -85,7 +83,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
             error_bound += (0..3)
                 .map(|k| {
                     let change = width * edges[k][1].abs() + edges[k][2].abs();
-                    vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
+                    errors.vertex_rounding[k] * (value_at(edges[k], center).abs() + change)
                 })
                 .sum();
         }
@@ -98,11 +96,11 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// By this times its edge functions the depth of a face, whose plane is known, may be off, since its
-    /// vertices were rounded.
+    /// Of a face whose plane is known: which edges run along rows or columns, and the errors of its depth.
     #[inline(always)]
-    pub(super) fn vertex_rounding(&self, band_face: u32) -> [S; 3] {
-        self.planes[self.of_band_face[band_face as usize] as usize].vertex_rounding
+    pub(super) fn known(&self, band_face: u32) -> (FaceBits, &DepthErrors<S>) {
+        let plane = &self.planes[self.of_band_face[band_face as usize] as usize];
+        (plane.along_axis, &plane.errors)
     }
 
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
@@ -129,9 +127,13 @@ impl<S: Scalar<Wide = S>> Planes<S> {
 }
 
 impl<S: Scalar<Wide = S>> Plane<S> {
-    /// Of a face of the band.
-    #[inline(always)]
-    fn new<T: Scalar<Wide = S>>(band: &BandFaces<'_, '_, T>, band_face: u32) -> Self {
+    /// Adds that of a face of the band. Compiled once, for it is asked for in many places, and once for each face.
+    #[inline(never)]
+    fn add<T: Scalar<Wide = S>>(
+        planes: &mut Vec<Self>,
+        band: &BandFaces<'_, '_, T>,
+        band_face: u32,
+    ) {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);
         let edges = &band.weights[band_face as usize].edges;
@@ -160,7 +162,9 @@ impl<S: Scalar<Wide = S>> Plane<S> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        Self { depth, range, edge_error_bounds, error_bound, vertex_rounding }
+        let along_axis = each_edge(|k| is_along_axis(edges[k]));
+        let errors = DepthErrors::new(&vertices, vertex_rounding, total, band.view.size);
+        planes.push(Self { depth, range, edge_error_bounds, error_bound, along_axis, errors });
     }
 }
 

@@ -22,13 +22,35 @@ pub(super) type Line<S> = [S; 3];
 /// Stands for the border of the pixel or cell, which does not move.
 pub(super) const BORDER: u32 = u32::MAX;
 
-/// What a side of a polygon lies on.
+/// What a side of a polygon lies on: the index of its line, or [`BORDER`], and whether the polygon is on the
+/// line's inside. In one number, since a load waits for all stores that it spans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Bound {
-    /// The index of its line, or [`BORDER`].
-    pub(super) line: u32,
-    /// Whether the polygon is on the line's inside.
-    pub(super) is_inside: bool,
+pub(super) struct Bound(u64);
+
+impl Bound {
+    /// That of a polygon that was not cut.
+    const STILL: Self = Self::new(BORDER, true);
+
+    const fn new(line: u32, is_inside: bool) -> Self {
+        Self((line as u64) << 1 | is_inside as u64)
+    }
+
+    #[inline(always)]
+    pub(super) fn line(self) -> u32 {
+        (self.0 >> 1) as u32
+    }
+
+    #[inline(always)]
+    pub(super) fn is_inside(self) -> bool {
+        self.0 & 1 == 1
+    }
+}
+
+/// A corner of a polygon, and what the side from it to the next corner lies on.
+#[derive(Debug, Clone, Copy)]
+struct Corner<S> {
+    point: [S; 2],
+    bound: Bound,
 }
 
 /// A convex polygon of [`Polygons`], counter-clockwise.
@@ -41,11 +63,8 @@ pub(super) struct Polygon {
 /// Convex polygons, the corners of all of them side by side: they are cut often and never change.
 #[derive(Debug, Default)]
 pub(super) struct Polygons<S> {
-    /// Where the corners are, and what the side from each to the next corner lies on. Memory beyond `len`
-    /// is for more of them: to append them one by one is slow.
-    xs: Vec<S>,
-    ys: Vec<S>,
-    bounds: Vec<Bound>,
+    /// Memory beyond `len` is for more of them: to append them one by one is slow.
+    corners: Vec<Corner<S>>,
     /// How many corners all polygons have.
     len: usize,
     /// A line's values at a polygon's corners, and memory for more.
@@ -59,6 +78,36 @@ pub(super) struct Triangle<S> {
     pub(super) q: [S; 2],
     /// Twice its area, which is 0 where rounding would make it negative.
     pub(super) twice: S,
+}
+
+/// The corners of a polygon that lie on one side of a line or on the line: in turn from the first to the last one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Run {
+    first: usize,
+    last: usize,
+}
+
+impl Run {
+    /// Of the corners where `sign` times these values is not negative: some are, and some are not. `None` where that
+    /// is not one run, by rounding, or where they are many.
+    #[inline(always)]
+    fn find<S: Scalar>(values: &[S], sign: S) -> Option<Self> {
+        let count = values.len();
+        if count > u64::BITS as usize {
+            return None;
+        }
+        let mut bits = 0;
+        // One by one, as the values were stored: a load of several would wait.
+        for &value in values.iter().rev() {
+            bits = bits << 1 | u64::from(sign * value >= S::ZERO);
+        }
+        // The corner before the first one of a run is of none, and so is the corner after its last one.
+        let firsts = bits & !(bits << 1 | bits >> (count - 1));
+        let lasts = bits & !(bits >> 1 | (bits & 1) << (count - 1));
+        let is_one = firsts != 0 && firsts & (firsts - 1) == 0;
+        let [first, last] = [firsts, lasts].map(|bit| bit.trailing_zeros() as usize);
+        is_one.then_some(Self { first, last })
+    }
 }
 
 #[inline(always)]
@@ -80,7 +129,7 @@ impl<S: Scalar> Polygons<S> {
 
     /// Where a polygon's corners are.
     #[inline(always)]
-    fn corners(&self, Polygon { first, count }: Polygon) -> Range<usize> {
+    fn range(&self, Polygon { first, count }: Polygon) -> Range<usize> {
         let first = first as usize;
         let end = first + count as usize;
         debug_assert!(end <= self.len, "this polygon has been forgotten");
@@ -91,7 +140,7 @@ impl<S: Scalar> Polygons<S> {
     #[inline(always)]
     fn reserve(&mut self, corners: usize) {
         let least = self.len + corners;
-        if least > self.xs.len() {
+        if least > self.corners.len() {
             self.grow(2 * least);
         }
     }
@@ -99,11 +148,8 @@ impl<S: Scalar> Polygons<S> {
     #[cold]
     #[inline(never)]
     fn grow(&mut self, corners: usize) {
-        let Self { xs, ys, bounds, values, .. } = self;
-        for numbers in [xs, ys, values] {
-            numbers.resize(corners, S::ZERO);
-        }
-        bounds.resize(corners, Bound { line: BORDER, is_inside: true });
+        self.corners.resize(corners, Corner { point: [S::ZERO; 2], bound: Bound::STILL });
+        self.values.resize(corners, S::ZERO);
     }
 
     /// A rectangle, from its least to its largest x and y.
@@ -118,16 +164,15 @@ impl<S: Scalar> Polygons<S> {
 
     /// The polygon of these corners, which do not move.
     fn still<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
-        let bound = Bound { line: BORDER, is_inside: true };
-        self.add(points.into_iter().map(|point| (point, bound)))
+        self.add(points.into_iter().map(|point| Corner { point, bound: Bound::STILL }))
     }
 
     /// The polygon of these corners.
-    fn add(&mut self, corners: impl ExactSizeIterator<Item = ([S; 2], Bound)>) -> Polygon {
+    fn add(&mut self, corners: impl ExactSizeIterator<Item = Corner<S>>) -> Polygon {
         self.reserve(corners.len());
         let (first, count) = (self.len as u32, corners.len() as u32);
-        for ([x, y], bound) in corners {
-            (self.xs[self.len], self.ys[self.len], self.bounds[self.len]) = (x, y, bound);
+        for corner in corners {
+            self.corners[self.len] = corner;
             self.len += 1;
         }
         Polygon { first, count }
@@ -140,10 +185,9 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
         mut name: impl FnMut(u32) -> u32,
     ) -> Polygon {
-        self.add(others.corners(polygon).map(|index| {
-            let Bound { line, is_inside } = others.bounds[index];
-            let line = if line == BORDER { BORDER } else { name(line) };
-            ([others.xs[index], others.ys[index]], Bound { line, is_inside })
+        self.add(others.corners(polygon).iter().map(|&Corner { point, bound }| {
+            let line = if bound.line() == BORDER { BORDER } else { name(bound.line()) };
+            Corner { point, bound: Bound::new(line, bound.is_inside()) }
         }))
     }
 
@@ -164,8 +208,8 @@ impl<S: Scalar> Polygons<S> {
     ) -> [Option<Polygon>; 2] {
         match self.lies(polygon, line) {
             [true, true] => {
-                let inside = self.part(polygon, Bound { line: index, is_inside: true });
-                let outside = self.part(polygon, Bound { line: index, is_inside: false });
+                let inside = self.part(polygon, Bound::new(index, true));
+                let outside = self.part(polygon, Bound::new(index, false));
                 [inside, outside]
             }
             [true, false] => [Some(polygon), None],
@@ -183,30 +227,37 @@ impl<S: Scalar> Polygons<S> {
         index: u32,
     ) -> Option<Polygon> {
         match self.lies(polygon, line) {
-            [true, true] => self.part(polygon, Bound { line: index, is_inside: true }),
+            [true, true] => self.part(polygon, Bound::new(index, true)),
             [is_inside, _] => is_inside.then_some(polygon),
         }
     }
 
-    /// Whether some of a polygon lies on the outside of a line, by more than rounding.
+    /// The part on the outside of a line, and whether there is one on the inside.
     #[inline(always)]
-    pub(super) fn has_outside(&mut self, polygon: Polygon, line: Line<S>) -> bool {
-        self.lies(polygon, line)[1]
+    pub(super) fn outside(
+        &mut self,
+        polygon: Polygon,
+        line: Line<S>,
+        index: u32,
+    ) -> (bool, Option<Polygon>) {
+        match self.lies(polygon, line) {
+            [true, true] => (true, self.part(polygon, Bound::new(index, false))),
+            [is_inside, is_outside] => (is_inside, is_outside.then_some(polygon)),
+        }
     }
 
     /// Whether some of a polygon lies on the inside of a line, and some on the outside, by more than
     /// rounding. Leaves the line's values at the corners.
     #[inline(always)]
-    fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
-        let corners = self.corners(polygon);
-        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
-        let values = &mut self.values[..xs.len()];
+    pub(super) fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
+        let corners = &self.corners[self.range(polygon)];
         // A NaN is neither less nor more, so it lies on no side.
         let (mut least, mut most) = (S::ZERO, S::ZERO);
-        for ((value, &x), &y) in values.iter_mut().zip(xs).zip(ys) {
-            *value = value_at(line, [x, y]);
-            least = if *value < least { *value } else { least };
-            most = if *value > most { *value } else { most };
+        for (corner, found) in corners.iter().zip(&mut self.values) {
+            let value = value_at(line, corner.point);
+            *found = value;
+            least = if value < least { value } else { least };
+            most = if value > most { value } else { most };
         }
         // Corners lie in the pixel, where no term of the value is larger than the line's size.
         let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
@@ -215,22 +266,86 @@ impl<S: Scalar> Polygons<S> {
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
     /// the side `cut`.
+    ///
+    /// ```text
+    ///      first +-----+ last      The corners on this side follow each other, for a polygon is convex. Before
+    ///           /       \          them comes a crossing, from which the rest of the old side goes on. After
+    ///      ----x---------x----     them comes another one, where `cut` begins. A corner on the line itself is
+    ///         /           \        its own crossing.
+    ///  before +           + next
+    /// ```
     #[inline(always)]
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
-        let corners = self.corners(polygon);
-        let count = corners.len();
+        let range = self.range(polygon);
+        let count = range.len();
+        let sign = if cut.is_inside() { S::ONE } else { -S::ONE };
+        let Some(Run { first, last }) = Run::find(&self.values[..count], sign) else {
+            return self.part_of_several_runs(polygon, cut);
+        };
+        // One corner at least is cut off.
+        self.reserve(count + 1);
+        let (corners, new) = self.corners.split_at_mut(self.len);
+        let (corners, values) = (&corners[range], &self.values[..count]);
+        let [before, next] = [
+            if first > 0 { first } else { count } - 1,
+            if last + 1 < count { last + 1 } else { 0 },
+        ];
+        let is_off = |index: usize| sign * values[index] < S::ZERO;
+        let is_clear = |index: usize| sign * values[index] > S::ZERO;
+        let [enters, leaves] = [is_off(before) & is_clear(first), is_clear(last) & is_off(next)];
+        let (wraps, crossings) = (last < first, usize::from(enters) + usize::from(leaves));
+        let kept = if wraps { last + 1 + count - first } else { last + 1 - first };
+        let total = kept + crossings;
+        // Corner 0 stays the first one, and if it is cut off, what comes first behind it: all sums over a polygon
+        // begin there.
+        let mut at = match first {
+            0 => 0,
+            _ if wraps => total - (count - first),
+            _ => usize::from(enters),
+        };
+        let after = |at: usize| if at + 1 < total { at + 1 } else { 0 };
+        let (mut index, mut place) = (first, at);
+        for _ in 0..kept {
+            place = at;
+            new[place] = corners[index];
+            index = if index + 1 < count { index + 1 } else { 0 };
+            at = after(place);
+        }
+        let crossing = |from: usize, to: usize| {
+            let (p, q) = (corners[from].point, corners[to].point);
+            let share = values[from] / (values[from] - values[to]);
+            [p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])]
+        };
+        if leaves {
+            new[at] = Corner { point: crossing(last, next), bound: cut };
+            at = after(at);
+        } else {
+            // The last corner lies on the line.
+            new[place].bound = cut;
+        }
+        if enters {
+            new[at] = Corner { point: crossing(before, first), bound: corners[before].bound };
+        }
+        let part = Polygon { first: self.len as u32, count: total as u32 };
+        self.len += total;
+        (total > 2).then_some(part)
+    }
+
+    /// [`Self::part`] of any corners, one after another.
+    #[cold]
+    #[inline(never)]
+    fn part_of_several_runs(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
+        let range = self.range(polygon);
+        let count = range.len();
         // A corner is followed by one crossing at most.
         self.reserve(2 * count);
-        let (xs, new_xs) = self.xs.split_at_mut(self.len);
-        let (ys, new_ys) = self.ys.split_at_mut(self.len);
-        let (bounds, new_bounds) = self.bounds.split_at_mut(self.len);
-        let (xs, ys, bounds) = (&xs[corners.clone()], &ys[corners.clone()], &bounds[corners]);
-        let values = &self.values[..count];
-        let sign = if cut.is_inside { S::ONE } else { -S::ONE };
-        let mut new = 0;
-        let mut add = |x: S, y: S, bound: Bound| {
-            (new_xs[new], new_ys[new], new_bounds[new]) = (x, y, bound);
-            new += 1;
+        let (corners, new) = self.corners.split_at_mut(self.len);
+        let (corners, values) = (&corners[range], &self.values[..count]);
+        let sign = if cut.is_inside() { S::ONE } else { -S::ONE };
+        let mut total = 0;
+        let mut add = |point: [S; 2], bound: Bound| {
+            new[total] = Corner { point, bound };
+            total += 1;
         };
         // Around the polygon, with a and b the distances of corner k and of the next one from the line, up to a
         // factor. A side keeps its bound where its part stays; where the part leaves over the line, `cut`
@@ -241,26 +356,29 @@ impl<S: Scalar> Polygons<S> {
         for k in 0..count {
             let next = if k + 1 < count { k + 1 } else { 0 };
             let (a, b) = (sign * values[k], sign * values[next]);
+            let Corner { point: p, bound } = corners[k];
             if a >= S::ZERO {
-                let bound = if b >= S::ZERO || a > S::ZERO { bounds[k] } else { cut };
-                add(xs[k], ys[k], bound);
+                add(p, if b >= S::ZERO || a > S::ZERO { bound } else { cut });
             }
             if (a > S::ZERO && b < S::ZERO) || (a < S::ZERO && b > S::ZERO) {
-                let share = a / (a - b);
-                let bound = if a > S::ZERO { cut } else { bounds[k] };
-                add(xs[k] + share * (xs[next] - xs[k]), ys[k] + share * (ys[next] - ys[k]), bound);
+                let (share, q) = (a / (a - b), corners[next].point);
+                let point = [p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])];
+                add(point, if a > S::ZERO { cut } else { bound });
             }
         }
-        let part = Polygon { first: self.len as u32, count: new as u32 };
-        self.len += new;
-        (new > 2).then_some(part)
+        let part = Polygon { first: self.len as u32, count: total as u32 };
+        self.len += total;
+        (total > 2).then_some(part)
+    }
+
+    #[inline(always)]
+    fn corners(&self, polygon: Polygon) -> &[Corner<S>] {
+        &self.corners[self.range(polygon)]
     }
 
     /// The corners.
     pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + Clone + '_ {
-        let corners = self.corners(polygon);
-        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
-        xs.iter().zip(ys).map(|(&x, &y)| [x, y])
+        self.corners(polygon).iter().map(|corner| corner.point)
     }
 
     /// The sides with their ends.
@@ -269,11 +387,10 @@ impl<S: Scalar> Polygons<S> {
         &self,
         polygon: Polygon,
     ) -> impl Iterator<Item = (Bound, [[S; 2]; 2])> + '_ {
-        let Range { start, end } = self.corners(polygon);
-        (start..end).map(move |index| {
-            let next = if index + 1 < end { index + 1 } else { start };
-            let ends = [index, next].map(|index| [self.xs[index], self.ys[index]]);
-            (self.bounds[index], ends)
+        let corners = self.corners(polygon);
+        corners.iter().enumerate().map(move |(index, &Corner { point, bound })| {
+            let next = if index + 1 < corners.len() { index + 1 } else { 0 };
+            (bound, [point, corners[next].point])
         })
     }
 
@@ -284,12 +401,12 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
     ) -> ([S; 2], impl Iterator<Item = Triangle<S>> + Clone) {
         let corners = self.corners(polygon);
-        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
         // Relative to a corner: far from the centre the products of a small polygon would cancel.
-        let first = [xs[0], ys[0]];
-        let mut p = [xs[1] - first[0], ys[1] - first[1]];
-        let triangles = xs[2..].iter().zip(&ys[2..]).map(move |(x, y)| {
-            let q = [*x - first[0], *y - first[1]];
+        let first = corners[0].point;
+        let from_first = move |[x, y]: [S; 2]| [x - first[0], y - first[1]];
+        let mut p = from_first(corners[1].point);
+        let triangles = corners[2..].iter().map(move |corner| {
+            let q = from_first(corner.point);
             let cross = p[0] * q[1] - p[1] * q[0];
             let twice = if cross > S::ZERO { cross } else { S::ZERO };
             Triangle { p: std::mem::replace(&mut p, q), q, twice }
@@ -363,6 +480,58 @@ mod tests {
             let sum: f64 = parts.into_iter().filter_map(area).sum();
             prop_assert!((sum - polygons.area(whole)).abs() < 1e-14);
         }
+    }
+
+    proptest! {
+        #[test]
+        fn corners_on_one_side_are_one_run(
+            count in 3..=64_usize,
+            start in 0..64_usize,
+            length in 1..64_usize,
+            is_inside: bool,
+        ) {
+            let (first, kept) = (start % count, 1 + length % (count - 1));
+            let sign = if is_inside { 1.0 } else { -1.0 };
+            let is_kept = |k: usize| (k + count - first) % count < kept;
+            let values: Vec<_> = (0..count).map(|k| if is_kept(k) { sign } else { -sign }).collect();
+            let last = (first + kept - 1) % count;
+            prop_assert_eq!(Run::find(&values, sign), Some(Run { first, last }));
+        }
+
+        /// Corners in any order, some on the line, with which rounding may have made several runs.
+        #[test]
+        fn a_run_of_corners_is_cut_as_corners_one_by_one(
+            corners in proptest::collection::vec(([-1.0..1.0, -1.0..1.0], -3..4_i8), 3..8),
+            is_inside: bool,
+        ) {
+            let mut polygons = Polygons::default();
+            let polygon = polygons.add(corners.iter().zip(0..100).map(|(&(point, _), k)| {
+                Corner { point, bound: Bound::new(k, k % 2 == 0) }
+            }));
+            for (value, (_, given)) in polygons.values.iter_mut().zip(&corners) {
+                *value = 0.3 * f64::from(*given);
+            }
+            let cut = Bound::new(99, is_inside);
+            let list = |polygons: &Polygons<f64>, part: Option<Polygon>| {
+                part.map(|part| format!("{:?}", polygons.corners(part)))
+            };
+            let expected = polygons.part_of_several_runs(polygon, cut);
+            let expected = list(&polygons, expected);
+            let found = polygons.part(polygon, cut);
+            let sign = if is_inside { 1 } else { -1 };
+            // Only where some are clearly on either side a part is asked for.
+            let has = |side: i8| corners.iter().any(|(_, given)| sign * given * side > 0);
+            if has(1) && has(-1) {
+                prop_assert_eq!(list(&polygons, found), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn runs_that_rounding_parts_are_not_one() {
+        // Of a few corners in turn the third lies on the other side by rounding.
+        assert_eq!(Run::find(&[-1.0, 0.5, -1e-17, 0.5, -0.5], 1.0), None);
+        assert_eq!(Run::find(&[-1.0, 0.5, 0.0, 0.5, -0.5], 1.0), Some(Run { first: 1, last: 3 }));
     }
 
     #[test]

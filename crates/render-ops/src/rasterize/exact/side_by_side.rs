@@ -152,7 +152,7 @@ pub(super) mod tests {
             FaceInCell { polygon, edges, neighbors: *neighbors }
         });
         let source = |bound: Bound| {
-            let line = bound.line;
+            let line = bound.line();
             let edge = Source::Edge { band_face: line / 3, k: (line % 3) as u8 };
             (line < u32::MAX).then_some(edge)
         };

@@ -70,8 +70,10 @@ impl<S: Scalar> Whole<S> {
     /// Whether all of this face lies beside another face.
     #[inline(always)]
     fn is_beside(&self, other: &Self) -> bool {
-        (self.least[0] >= other.most[0]) | (self.most[0] <= other.least[0])
-            || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
+        (self.least[0] >= other.most[0])
+            | (self.most[0] <= other.least[0])
+            | (self.least[1] >= other.most[1])
+            | (self.most[1] <= other.least[1])
     }
 
     /// Whether all of this face surely lies behind another face.
@@ -173,7 +175,7 @@ impl<S: Scalar> Visible<S> {
             let Candidate { edges, neighbors, .. } = &candidates[candidate as usize];
             FaceInCell { polygon, edges, neighbors: *neighbors }
         });
-        let source = |bound: Bound| sources.get(bound.line as usize).map(|&(source, _)| source);
+        let source = |bound: Bound| sources.get(bound.line() as usize).map(|&(source, _)| source);
         lie_side_by_side(faces, polygons, source)
     }
 
@@ -184,22 +186,23 @@ impl<S: Scalar> Visible<S> {
 
     /// Cuts a candidate to the cell and to the depth range.
     #[inline(always)]
-    fn cut_to_cell(&mut self, cell: Polygon, index: u32, candidate: &Candidate<S>) {
+    fn cut_to_cell(&mut self, whole: Polygon, index: u32, candidate: &Candidate<S>) {
         let Parts { polygons, lines, sources, touches_border, .. } = &mut self.parts;
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let has_depth = size(candidate.depth) < S::from_f64(f64::INFINITY);
         if !has_depth {
             return;
         }
-        let mut polygon = Some(cell);
+        let mut polygon = Some(whole);
         let first = lines.len();
         *touches_border |= candidate.on_border != 0;
         let center = self.cell.center();
         let Candidate { band_face, face, .. } = *candidate;
+        let cell = self.cell;
+        // Most lines do not come near the cell.
+        let is_near = |line: Line<S>| value_at(line, center) < cell.change(line);
         let mut cut = |line: Line<S>, source: Source, is_on_border: bool| {
-            // Most lines do not come near the cell.
-            let is_near = value_at(line, center) < self.cell.change(line);
-            let Some(before) = polygon.filter(|_| is_near) else { return };
+            let Some(before) = polygon else { return };
             polygon = polygons.inside(before, line, lines.len() as u32);
             // Only a line that cut something off is kept: its index stands at a side by then.
             if polygon != Some(before) {
@@ -208,8 +211,10 @@ impl<S: Scalar> Visible<S> {
             }
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
-            let is_on_border = candidate.on_border >> k & 1 == 1;
-            cut(edge, Source::Edge { band_face, k }, is_on_border);
+            if is_near(edge) {
+                let is_on_border = candidate.on_border >> k & 1 == 1;
+                cut(edge, Source::Edge { band_face, k }, is_on_border);
+            }
         }
         let [one, x, y] = candidate.depth;
         let [least, most] = self.cell.range(candidate.depth);
@@ -219,7 +224,9 @@ impl<S: Scalar> Visible<S> {
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
-                cut(line, Source::End { band_face, is_far }, is_on_border);
+                if is_near(line) {
+                    cut(line, Source::End { band_face, is_far }, is_on_border);
+                }
             }
         }
         let Some(polygon) = polygon else { return };
@@ -228,8 +235,9 @@ impl<S: Scalar> Visible<S> {
         // A plane over a convex polygon has its least and its largest depth at corners.
         for point in polygons.points(polygon) {
             let corner = [point[0], point[1], value_at(candidate.depth, point)];
-            least = std::array::from_fn(|k| least[k].minimum_or_nan(corner[k]));
-            most = std::array::from_fn(|k| most[k].maximum_or_nan(corner[k]));
+            // None is NaN.
+            least = [0, 1, 2].map(|k| if corner[k] < least[k] { corner[k] } else { least[k] });
+            most = [0, 1, 2].map(|k| if corner[k] > most[k] { corner[k] } else { most[k] });
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
         self.whole.push(Whole { candidate: index, face, polygon, cuts, least, most, tie_bound });
@@ -269,24 +277,32 @@ impl<S: Scalar> Visible<S> {
             let is_before = other < group;
             let [this, that] = [&whole[position], &whole[other]];
             // A neighbour's function of the edge between them is exactly the opposite of this one's.
+            // One branch, for no processor foresees which of these holds.
+            let [p, q, r] = neighbors;
             let hides_nothing = that.is_beside(this)
-                || !is_before && that.is_behind(this)
-                || neighbors.contains(&that.face);
-            if other == position || hides_nothing {
+                | (!is_before & that.is_behind(this))
+                | (p == that.face)
+                | (q == that.face)
+                | (r == that.face)
+                | (other == position);
+            if hides_nothing {
                 continue;
             }
+            let is_hidden = is_before | this.is_behind(that);
             *cuts += left.len();
             if *cuts > *most_cuts || polygons.len() > MOST_CORNERS {
                 return false;
             }
             let [one, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
-            // Positive where the rival lies behind. One of an earlier group lies in front everywhere.
-            let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(one, rival) };
+            // Positive where the rival lies behind.
+            let behind = behind(one, rival);
             // The line between both planes is added once for all polygons, and only if it is needed.
-            let mut between = None;
+            let (mut between, mut on_border) = (None, None);
             next.clear();
             for &polygon in &*left {
-                if !polygons.has_outside(polygon, behind) {
+                let [has_front, has_back] =
+                    if is_hidden { [false, true] } else { polygons.lies(polygon, behind) };
+                if !has_back {
                     // All of it is in front of the rival's plane.
                     next.push(polygon);
                     continue;
@@ -295,8 +311,17 @@ impl<S: Scalar> Visible<S> {
                 let (mut overlap, before) = (Some(polygon), next.len());
                 for index in that.cuts.clone() {
                     let Some(polygon) = overlap else { break };
-                    let [inside, outside] = polygons.split(polygon, lines[index], index as u32);
-                    overlap = inside;
+                    let (line, index) = (lines[index], index as u32);
+                    // Where none of it is in front, the overlap need not be known.
+                    let outside = if !has_front && index as usize + 1 == that.cuts.end {
+                        let (has_inside, outside) = polygons.outside(polygon, line, index);
+                        overlap = has_inside.then_some(polygon);
+                        outside
+                    } else {
+                        let [inside, outside] = polygons.split(polygon, line, index);
+                        overlap = inside;
+                        outside
+                    };
                     next.extend(outside);
                 }
                 let Some(overlap) = overlap else {
@@ -305,20 +330,21 @@ impl<S: Scalar> Visible<S> {
                     next.push(polygon);
                     continue;
                 };
-                let index = match between {
-                    Some(index) => index,
-                    None => {
-                        let (first, second) = (one.band_face, rival.band_face);
-                        let source = Source::Between { first, second };
-                        let error_bound = one.depth_error_bound + rival.depth_error_bound;
-                        let is_on_border = lies_on_border(behind, [S::ZERO; 2], error_bound);
-                        *touches_border |= is_on_border;
-                        lines.push(behind);
-                        sources.push((source, is_on_border));
-                        lines.len() as u32 - 1
-                    }
-                };
-                between = Some(index);
+                // What is hidden up to the pixel's border may be in front beyond it.
+                let is_on_border = *on_border.get_or_insert_with(|| {
+                    let error_bound = one.depth_error_bound + rival.depth_error_bound;
+                    !is_before && lies_on_border(behind, [S::ZERO; 2], error_bound)
+                });
+                *touches_border |= is_on_border;
+                if !has_front {
+                    continue;
+                }
+                let index = *between.get_or_insert_with(|| {
+                    let (first, second) = (one.band_face, rival.band_face);
+                    lines.push(behind);
+                    sources.push((Source::Between { first, second }, is_on_border));
+                    lines.len() as u32 - 1
+                });
                 let in_front = polygons.inside(overlap, behind, index);
                 if in_front == Some(overlap) {
                     // In front of the rival wherever they overlap, which leaves it whole, too.
