@@ -143,10 +143,10 @@ struct Found<S> {
 type EdgeBars<T> = [[T; 3]; 2];
 
 /// Blends in one piece of work: some microseconds.
-const BLENDS_PER_PIECE: usize = 1 << 6;
+const BLENDS_PER_PIECE: usize = 1 << 5;
 
 /// From so many blends on they are shared by several threads.
-const BLENDS_TO_SHARE: usize = 1 << 8;
+const BLENDS_TO_SHARE: usize = 1 << 6;
 
 /// From so many blends on one thread divides shares while another copies values.
 const BLENDS_TO_DIVIDE: usize = 1 << 12;
