@@ -8,6 +8,7 @@ use std::error::Error;
 use std::fmt::{Debug, Display};
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use bokashi_core::{ForwardDual, Scalar, Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
@@ -15,10 +16,10 @@ use bokashi_fit::{
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
 use bokashi_render_ops::{
-    Background, Blur, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
+    Background, Blur, Coverage, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
     RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
-    composite, composite_layers, depth_layers, gaussian_blur, interpolate, rasterize,
-    rasterize_behind, sample_texture,
+    antialias_image, composite, composite_layers, depth_layers, gaussian_blur, interpolate,
+    rasterize, rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
@@ -145,6 +146,10 @@ fn every_render_error_says_the_rule_and_the_value() {
     let mut covered = larger.coverage.pixels();
     let uncovered = covered.find(|&pixel| fragments.coverage.fragment_at(pixel).is_none());
     let layer = |fragments| layer_of(fragments, &tape);
+    let ids = fragments.coverage.triangle_ids();
+    let coverage = Coverage::from_ids(&mesh, Size::square(4), &ids).unwrap();
+    let of_ids = Fragments { coverage: Arc::new(coverage), ..fragments.clone() };
+    let image = zeros(&[4, 4, 1]);
 
     let table: Vec<(RenderError, &str)> = vec![
         (
@@ -154,6 +159,17 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             Mesh::new(vec![[0, 1, 2], [0, 3, 1]], 3).unwrap_err(),
             "a face needs vertex indices below 3, got 3 in face 1",
+        ),
+        (mesh.part(1..3).unwrap_err(), "a part of a mesh needs a range of its 1 faces, got 1..3"),
+        (
+            Coverage::from_ids(&mesh, Size { width: 3, height: 2 }, &[0, 1, 1, 0, 2, 3])
+                .unwrap_err(),
+            "a triangle id needs to be at most the number of faces, 1, got 2 at pixel 4",
+        ),
+        (
+            antialias_image(image, &of_ids).map(drop).unwrap_err(),
+            "antialias_image needs to know which way faces turn: \
+             `coverage.with_orientations(&clip, cull)`",
         ),
         (
             Mesh::new(vec![], 1 << 31).unwrap_err(),
