@@ -42,8 +42,8 @@ impl<'t, T: Scalar> Gradients<'t, T> {
         self.results[self.place_of(variable)?].1.as_ref()
     }
 
-    /// [`Gradients::get`], given up: nobody else holds its buffer, so that its entries can be taken without a copy
-    /// (`Vec::from`). The tape has no use of this memory any more, and the next step takes new.
+    /// [`Gradients::get`], given up: unless somebody has cloned it, its entries can be taken without a copy (`Vec::from`).
+    /// The tape has no use of this memory any more, and the next step takes new. Afterwards it counts as not asked for.
     ///
     /// # Panics
     /// As [`Gradients::get`].

@@ -66,6 +66,10 @@ fn share<I: Send>(
     work: &(dyn Fn(&mut dyn Iterator<Item = I>) + Sync),
 ) {
     let threads = threads().min(count);
+    let pool = pool();
+    if let Pool::None = pool {
+        return work(items);
+    }
     let items = Mutex::new((items, count));
     let take = || {
         let (items, left) = &mut *lock(&items);
@@ -82,7 +86,12 @@ fn share<I: Send>(
             work(&mut some.into_iter());
         }
     };
-    in_living_pool(|| (0..threads).into_par_iter().with_max_len(1).for_each(work));
+    let share = || (0..threads).into_par_iter().with_max_len(1).for_each(work);
+    match pool {
+        Pool::Rayons => share(),
+        Pool::Own(pool) => pool.install(share),
+        Pool::None => unreachable!("it was looked at first"),
+    }
 }
 
 /// What is behind a lock, which nobody leaves half done.
@@ -163,7 +172,7 @@ pub fn merge_each<I: Send, R: Send>(
     mut merge: impl FnMut(R) + Send,
 ) {
     #[cfg(feature = "parallel")]
-    if is_shared && threads() > 1 {
+    if is_shared && items.len() > 1 && threads() > 1 {
         return merge_shared(items.len(), &mut items.enumerate(), &work, &mut merge);
     }
     #[cfg(not(feature = "parallel"))]
@@ -257,7 +266,11 @@ pub fn join<A: Send, B: Send>(
 ) -> (A, B) {
     #[cfg(feature = "parallel")]
     if is_shared && threads() > 1 {
-        return in_living_pool(|| rayon::join(first, second));
+        return match pool() {
+            Pool::Rayons => rayon::join(first, second),
+            Pool::Own(pool) => pool.install(|| rayon::join(first, second)),
+            Pool::None => (first(), second()),
+        };
     }
     #[cfg(not(feature = "parallel"))]
     let _ = is_shared;
@@ -283,14 +296,16 @@ pub fn alone<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// Runs `work` on `count` threads; on one, as [`alone`] does. Threads are started once and kept.
+/// Runs `work` on `count` threads, at most 256; on one, and for 0, as [`alone`] does, and within [`alone`] on this thread.
+/// Threads are started once, and kept for the last few numbers of threads.
 ///
 /// In a process that was forked they are started anew: those of its parent are not there. So are those that share work
-/// outside such a call.
+/// outside such a call, unless the program has built rayon's own pool before anything here asked for it.
 pub fn with_threads<R: Send>(count: usize, work: impl FnOnce() -> R + Send) -> R {
     #[cfg(feature = "parallel")]
     if count > 1
-        && let Some(pool) = pool_of(count)
+        && !IS_ALONE.get()
+        && let Some(pool) = pool_of(count.min(MOST_THREADS))
     {
         return pool.install(work);
     }
@@ -298,45 +313,75 @@ pub fn with_threads<R: Send>(count: usize, work: impl FnOnce() -> R + Send) -> R
     alone(work)
 }
 
-/// The pools of [`with_threads`]: process, threads, pool. Those of a process that was forked stay, unused: their
-/// threads can't be waited for.
+/// The most threads of [`with_threads`].
 #[cfg(feature = "parallel")]
-static POOLS: Mutex<Vec<(u32, usize, Arc<ThreadPool>)>> = Mutex::new(Vec::new());
+const MOST_THREADS: usize = 256;
+
+/// Pools that are kept.
+#[cfg(feature = "parallel")]
+const MOST_POOLS: usize = 4;
+
+/// A process, a number of threads, and their pool.
+#[cfg(feature = "parallel")]
+type Known = (u32, usize, Arc<ThreadPool>);
+
+/// The last pools of [`with_threads`].
+#[cfg(feature = "parallel")]
+static POOLS: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
 /// The pool of `count` threads; `None` where the system has no threads to give.
 #[cfg(feature = "parallel")]
 fn pool_of(count: usize) -> Option<Arc<ThreadPool>> {
     let process = std::process::id();
-    let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some((.., pool)) =
-        pools.iter().find(|(of, threads, _)| (*of, *threads) == (process, count))
-    {
-        return Some(Arc::clone(pool));
+    let known = |pools: &[Known]| {
+        let pool = pools.iter().find(|(of, threads, _)| (*of, *threads) == (process, count));
+        pool.map(|(.., pool)| Arc::clone(pool))
+    };
+    if let Some(pool) = known(&lock(&POOLS)) {
+        return Some(pool);
     }
+    // Not under the lock, which a fork meanwhile would leave locked.
     let pool = Arc::new(ThreadPoolBuilder::new().num_threads(count).build().ok()?);
+    let mut pools = lock(&POOLS);
+    let (own, of_parents): (Vec<_>, Vec<_>) = pools.drain(..).partition(|(of, ..)| *of == process);
+    // These can't be waited for.
+    of_parents.into_iter().for_each(std::mem::forget);
+    pools.extend(own.into_iter().rev().take(MOST_POOLS - 1).rev());
     pools.push((process, count, Arc::clone(&pool)));
     Some(pool)
 }
 
-/// The process that rayon's own pool was first used in; 0 before.
+/// The process that rayon's own pool was first asked for in; 0 before.
 #[cfg(feature = "parallel")]
 static FIRST_PROCESS: AtomicU32 = AtomicU32::new(0);
 
-/// Runs `work` in a pool whose threads are there: rayon's own one has lost them in a process that was forked after its
-/// first use, and would be waited for without end.
+/// Whether rayon's own pool has lost its threads: in a process that was forked after it was first asked for.
 #[cfg(feature = "parallel")]
-fn in_living_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
-    if rayon::current_thread_index().is_some() {
-        return work();
-    }
+fn is_forked() -> bool {
     let process = std::process::id();
     let first = FIRST_PROCESS
         .compare_exchange(0, process, Ordering::Relaxed, Ordering::Relaxed)
         .unwrap_or_else(|first| first);
-    match first == 0 || first == process {
-        true => work(),
-        false => with_threads(rayon::current_num_threads(), work),
+    first != 0 && first != process
+}
+
+/// Where work is shared.
+#[cfg(feature = "parallel")]
+enum Pool {
+    /// Where this thread is, or in rayon's own pool.
+    Rayons,
+    /// In a pool of this process, since rayon's own one would be waited for without end.
+    Own(Arc<ThreadPool>),
+    /// Nowhere: the system has no threads to give.
+    None,
+}
+
+#[cfg(feature = "parallel")]
+fn pool() -> Pool {
+    if rayon::current_thread_index().is_some() || !is_forked() {
+        return Pool::Rayons;
     }
+    pool_of(rayon::current_num_threads()).map_or(Pool::None, Pool::Own)
 }
 
 /// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work
@@ -349,7 +394,13 @@ pub fn is_shared(length: usize, piece: usize) -> bool {
 /// on it.
 pub fn threads() -> usize {
     #[cfg(feature = "parallel")]
-    let threads = if IS_ALONE.get() { 1 } else { rayon::current_num_threads() };
+    let threads = if IS_ALONE.get() {
+        1
+    } else {
+        // To ask rayon may start its pool.
+        is_forked();
+        rayon::current_num_threads()
+    };
     #[cfg(not(feature = "parallel"))]
     let threads = 1;
     threads

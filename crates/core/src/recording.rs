@@ -45,13 +45,23 @@ impl<T: Scalar> Recording<T> {
     ///
     /// # Errors
     /// Those of `record`. The tape is lost then.
+    ///
+    /// # Panics
+    /// Where `record` returns a variable of another tape.
     pub fn new<E>(
         mut tape: Tape<T>,
         record: impl for<'t> FnOnce(&'t Tape<T>) -> Result<Ends<'t, T>, E>,
     ) -> Result<Self, E> {
         tape.reset();
         let ends = record(&tape)?;
-        let ends = ends.map(|of| of.into_iter().map(|variable| variable.index).collect());
+        let ends = ends.map(|of| {
+            let index = |variable: Var<'_, T>| {
+                let is_own = std::ptr::eq(variable.tape, &tape);
+                assert!(is_own, "a recording needs variables of its own tape, got one of another");
+                variable.index
+            };
+            of.into_iter().map(index).collect()
+        });
         Ok(Self { tape, ends })
     }
 
@@ -74,7 +84,8 @@ impl<T: Scalar> Recording<T> {
     }
 
     /// The gradient of `sum_k <upstream_k, output_k>` with respect to each input: the vector-Jacobian product. `None`
-    /// stands for zeros, above and in what is returned. It can be asked for as often as one likes.
+    /// stands for zeros, above and in what is returned. Inputs that are one variable share one gradient. It can be asked for
+    /// as often as one likes.
     ///
     /// # Errors
     /// [`TensorError::Value`] unless there are as many upstream gradients as outputs; those of [`Tape::vjp`].

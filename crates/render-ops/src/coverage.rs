@@ -81,7 +81,8 @@ impl Coverage {
     }
 
     /// The coverage of an image of triangle ids: per pixel, row by row from the top, the index of its face plus 1, or 0
-    /// for the background. So it comes back from [`Coverage::triangle_ids`], or from another renderer.
+    /// for the background. So it comes back from [`Coverage::triangle_ids`], but for pieces of exact coverage, or from
+    /// another renderer.
     ///
     /// Nobody knows which way its faces turn, which [`antialias`](crate::antialias()) asks for:
     /// [`Coverage::with_orientations`] says so.
@@ -302,7 +303,7 @@ impl Coverage {
         self.centers.count
     }
 
-    /// How many faces were not drawn, and why.
+    /// How many faces were not drawn, and why; zeros for coverage of ids, of which nobody knows.
     pub fn culled(&self) -> Culled {
         self.culled
     }

@@ -2,8 +2,11 @@
 
 use crate::runs::{Run, Runs, Slot};
 
-/// Stands for "no face was drawn", and for "not seen".
+/// Stands for "no face was drawn".
 pub(crate) const NO_FACE: u32 = u32::MAX;
+
+/// Stands for "not seen".
+pub(crate) const NO_SLOT: u32 = u32::MAX;
 
 /// What is seen in a band, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
@@ -20,8 +23,8 @@ pub(crate) struct BandRuns {
 /// Reads bands one after another. A face goes by the number that it was drawn with in the band.
 #[derive(Debug, Default)]
 pub(crate) struct RunReader {
-    /// Per face: its slot, once it was seen.
-    pub(crate) slot_of: Vec<u32>,
+    /// Per face: its slot, once it was seen. Between bands nothing is.
+    slot_of: Vec<u32>,
     /// Per slot: the number of its face.
     drawn_of_slot: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
@@ -38,8 +41,9 @@ impl RunReader {
         self.read.clear();
         self.drawn_of_slot.clear();
         self.places.clear();
-        self.slot_of.clear();
-        self.slot_of.resize(faces, NO_FACE);
+        if self.slot_of.len() < faces {
+            self.slot_of.resize(faces, NO_SLOT);
+        }
     }
 
     /// Begins a row.
@@ -86,7 +90,7 @@ impl RunReader {
         // Slots are numbered as they are seen, so that their order, and with it the order of
         // all sums, does not depend on that of the mesh's faces.
         let slot = &mut self.slot_of[drawn as usize];
-        if *slot == NO_FACE {
+        if *slot == NO_SLOT {
             *slot = self.drawn_of_slot.len() as u32;
             self.drawn_of_slot.push(drawn);
             self.places.push(0);
@@ -104,7 +108,8 @@ impl RunReader {
     /// `face_of` has the face of each number.
     #[inline(always)]
     pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
-        let Self { drawn_of_slot, read, places, .. } = self;
+        let Self { slot_of, drawn_of_slot, read, places } = self;
+        drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
         let BandRuns { runs: Runs { runs: sorted, slots, count, .. }, by_pixel, .. } = band;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.

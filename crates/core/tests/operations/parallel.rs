@@ -98,6 +98,36 @@ fn work_runs_on_as_many_threads_as_asked_for_and_pools_are_kept() {
         });
         assert!((0..).zip(sums).all(|(k, sum)| sum == k / 7));
     }
+    if cfg!(feature = "parallel") {
+        let thread = || {
+            with_threads(1000, || (threads(), rayon::broadcast(|_| std::thread::current().id())))
+        };
+        let (first, again) = (thread(), thread());
+        assert_eq!(first.0, 256);
+        assert_eq!(first, again, "threads were started anew");
+    }
+    let alone = alone(|| with_threads(3, || (threads(), std::thread::current().id())));
+    assert_eq!(alone, (1, std::thread::current().id()));
+}
+
+#[test]
+fn work_and_merging_may_share_work_of_their_own() {
+    let sum = |upto: usize| {
+        let mut sum = 0;
+        merge_each(true, 0..upto, |k| k, |k| sum += k);
+        sum
+    };
+    for threads in [1, 2, 5] {
+        on(threads, || {
+            let mut sums = Vec::new();
+            merge_each(true, 0..40, |k| sum(k), |inner| sums.push(inner + sum(20)));
+            assert!((0..40_usize).zip(sums).all(|(k, found)| found == k * k.saturating_sub(1) / 2 + 190));
+            let mut within = Vec::new();
+            alone(|| merge_each(true, 0..9, |k| sum(k), |inner| within.push(inner)));
+            with_threads(3, || assert_eq!(sum(10), 45));
+            assert_eq!(within.len(), 9);
+        });
+    }
 }
 
 fn on(threads: usize, work: impl FnOnce() + Send) {

@@ -45,6 +45,8 @@ pub(super) struct Canvas<T: Scalar> {
     /// Per face of the band: whether some pixel that it covered had to be settled.
     were_settled: Vec<bool>,
     reader: RunReader,
+    /// Memory of pieces.
+    slot_of: Vec<u32>,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling,
 }
@@ -235,7 +237,7 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, weights, were_settled, reader, .. } = self;
+        let Self { search, weights, were_settled, slot_of, .. } = self;
         resize(weights, faces.len(), Weights::default);
         for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
             *weights = view.weights(face as usize, was_settled);
@@ -246,7 +248,7 @@ impl<T: Scalar> Canvas<T> {
             #[inline(always)]
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
-        piece_fragments.sort(pieces, faces, &mut reader.slot_of);
+        piece_fragments.sort(pieces, faces, slot_of);
         let Plane { faces: stored, stride, .. } = &mut self.plane;
         for &pixel in &pieces.pixels {
             let [row, column] =

@@ -50,6 +50,7 @@ fn fragments_of_ids_are_those_that_the_ids_came_from_to_every_operation() {
         };
         assert_eq!(seen(&back), seen(&drawn));
         assert!(cull == Cull::Front || drawn.coverage.count() > 1000);
+        assert!(cull == Cull::Front || seen(&back).1 != image.value(), "nothing was blended");
     }
 }
 
@@ -89,6 +90,13 @@ fn what_is_no_image_of_ids_is_refused() {
     assert_eq!(refused(size, &[0; 5]).to_string(), message);
     let size = Size { width: 0, height: 2 };
     assert_eq!(refused(size, &[]), RenderError::ImageSize { size });
+    let none = Mesh::new(Vec::new(), 0).unwrap();
+    assert_eq!(Coverage::from_ids(&none, Size::square(1), &[0]).unwrap().count(), 0);
+    // A row that is wider than a band.
+    let wide = Size { width: 40_000, height: 2 };
+    let ids: Vec<_> = (0..80_000).map(|pixel| u32::from(pixel % 3 == 1)).collect();
+    let coverage = Coverage::from_ids(&mesh, wide, &ids).unwrap();
+    assert_eq!((coverage.count(), coverage.triangle_ids()), (26_667, ids));
     let coverage = Coverage::from_ids(&mesh, Size::square(2), &[0; 4]).unwrap();
     assert_eq!((coverage.count(), coverage.runs().count()), (0, 0));
     for (clip, message) in [

@@ -3,7 +3,7 @@
 use bokashi_core::Scalar;
 
 use super::pieces::Pieces;
-use crate::run_reader::NO_FACE;
+use crate::run_reader::NO_SLOT;
 use crate::runs::{Run, Runs, Slot};
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.
@@ -36,10 +36,10 @@ impl<T: Scalar> PieceFragments<T> {
         slots.clear();
         places.clear();
         slot_of.clear();
-        slot_of.resize(faces.len(), NO_FACE);
+        slot_of.resize(faces.len(), NO_SLOT);
         for piece in &pieces.pieces {
             let slot = &mut slot_of[piece.band_face as usize];
-            if *slot == NO_FACE {
+            if *slot == NO_SLOT {
                 *slot = slots.len() as u32;
                 slots.push(Slot { face: faces[piece.band_face as usize], first_run: 0 });
                 places.push(0);
