@@ -16,6 +16,17 @@ pub(crate) enum Entries<T> {
     Foreign(AssertUnwindSafe<Owner<T>>),
 }
 
+impl<T> Entries<T> {
+    /// The entries. In a place of its own: many ask.
+    #[inline(never)]
+    pub(crate) fn get(&self) -> &[T] {
+        match self {
+            Self::Own(buffer) => buffer,
+            Self::Foreign(owner) => (***owner).as_ref(),
+        }
+    }
+}
+
 impl<T: Clone> Entries<T> {
     /// The buffer for writing, after a copy where it is shared or somebody else's.
     pub(crate) fn make_mut(&mut self) -> &mut [T] {
@@ -62,10 +73,7 @@ impl<T> Deref for Entries<T> {
 
     #[inline]
     fn deref(&self) -> &[T] {
-        match self {
-            Self::Own(buffer) => buffer,
-            Self::Foreign(owner) => (***owner).as_ref(),
-        }
+        self.get()
     }
 }
 

@@ -94,7 +94,7 @@ impl<T: Scalar> Value<T> {
     pub(crate) fn data(&self) -> &[T] {
         match &self.buffer {
             Buffer::Own(entries) => entries,
-            Buffer::Shared { data, .. } => data,
+            Buffer::Shared { data, .. } => data.get(),
         }
     }
 
