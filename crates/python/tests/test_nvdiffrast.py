@@ -204,6 +204,21 @@ def test_ranges_peels_and_lost_objects():
         assert torch.equal(dr.antialias(out, lose(rast), pos, tri), dr.antialias(out, rast, pos, tri))
 
 
+def test_it_works_in_inference_mode():
+    generator = np.random.default_rng(1)
+    pos, tri = faces_in_perspective(generator, 2)
+    attr = torch.from_numpy(generator.normal(size=(2, 6, 3)))
+
+    def images(pos, tri):
+        with dr.DepthPeeler(CONTEXT, pos, tri, [8, 8]) as peeler:
+            layers = [peeler.rasterize_next_layer()[0] for _ in range(2)]
+        return [dr.antialias(dr.interpolate(attr, rast, tri)[0], rast, pos, tri) for rast in layers]
+
+    expected = images(pos, tri)
+    with torch.inference_mode():
+        assert all(map(torch.equal, images(pos.clone(), tri.clone()), expected))
+
+
 def test_an_attribute_may_be_chosen_twice():
     generator = np.random.default_rng(2)
     pos, tri = faces_in_perspective(generator, 1)

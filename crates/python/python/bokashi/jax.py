@@ -17,8 +17,8 @@ fragments there are is not known: so `rasterize` works outside alone, and its fr
 or closed over. All others work inside too, also under `vmap`, one image after another. An argument with other fragments
 is compiled anew. `render` is a whole step, and works anywhere.
 
-A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their forward
-passes run again if they are needed after all. Second derivatives and `jvp` are refused.
+A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their
+forward passes run again if they are needed after all. Second derivatives and `jvp` are refused.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _to_numpy(arrays):
 
 
 def _call(function: Callable, expected: Any, arrays: Any) -> Any:
-    """A function of numpy arrays: at once where jax has numbers, else as a callback whose results are like `expected`."""
+    """A function of numpy arrays: at once where jax has numbers, else a callback with results like `expected`."""
     if not any(isinstance(array, jax.core.Tracer) for array in jax.tree.leaves(arrays)):
         return jax.tree.map(jnp.asarray, function(*_to_numpy(arrays)))
     if expected is None:

@@ -1,7 +1,7 @@
 """A stand-in for `nvdiffrast.torch` that runs on any CPU: `import bokashi.nvdiffrast as dr`.
 
-Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u, v,
-z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
+Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u,
+v, z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
 
 >>> import torch, bokashi.nvdiffrast as dr
 >>> context = dr.RasterizeCudaContext()
@@ -14,8 +14,9 @@ z/w, triangle id + 1), derivatives are per pixel. A program runs with its import
 >>> image.shape, pos.grad.shape
 (torch.Size([1, 8, 8, 3]), torch.Size([1, 3, 4]))
 
-What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an error,
-antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their index.
+What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an
+error, antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their
+index.
 """
 
 from __future__ import annotations
@@ -72,19 +73,30 @@ def set_log_level(level: int) -> None:
 _log_level = [1]
 
 
+def _version(tensor: Tensor) -> int | None:
+    """How often a tensor was changed, or nothing where torch does not count that."""
+    return None if tensor.is_inference() else tensor._version
+
+
 class _Cache:
-    """Values that belong to tensors: not on them, so that they can be saved, and gone with them."""
+    """Values that belong to tensors: not on them, so that they can be saved, and gone with them.
+
+    Several threads may ask at once: at worst a value is made twice.
+    """
 
     def __init__(self) -> None:
         self.known: dict[int, tuple[Any, int, dict]] = {}
 
     def get(self, tensor: Tensor, key: Any, make: Callable[[], Any]) -> Any:
         """The value of a tensor as it is now, made where it is not known."""
+        version = _version(tensor)
+        if version is None:
+            return make()
         known = self.known.get(id(tensor))
-        if known is None or known[0]() is not tensor or known[1] != tensor._version:
+        if known is None or known[0]() is not tensor or known[1] != version:
             name = id(tensor)
             reference = weakref.ref(tensor, lambda _: self.known.pop(name, None))
-            known = self.known[name] = (reference, tensor._version, {})
+            known = self.known[name] = (reference, version, {})
         values = known[2]
         if key not in values:
             values[key] = make()
@@ -135,7 +147,7 @@ class _Images:
 
     def __init__(self, pos: Tensor, tri: Tensor, ranges: Tensor | None = None) -> None:
         positions = _to_array(pos)
-        self.pos, self.version = weakref.ref(pos), pos._version
+        self.pos, self.version = weakref.ref(pos), _version(pos)
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
             self.mesh = _mesh(tri, positions.shape[1])
             self.clips = list(_upside_down(positions))
@@ -166,9 +178,9 @@ class _Images:
         total[..., 1] *= -1
         return torch.from_numpy(total)
 
-    def are_at(self, pos) -> bool:
+    def are_at(self, pos: Tensor) -> bool:
         """Whether the positions are those that were drawn."""
-        if self.pos() is pos and self.version == pos._version:
+        if self.pos() is pos and self.version is not None and self.version == _version(pos):
             return True
         given = _to_array(pos)
         if given.ndim != (2 if self.is_shared else 3) or len(self.clips) == 0:
@@ -216,12 +228,13 @@ def _stack(images: list[Tensor]) -> Tensor:
 def _rasterize(
     pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None, grad_db: bool,
     fronts: list[Coverage] | None = None,
-) -> tuple[Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, list[Coverage]]:
+    """What `rasterize` returns, and the coverage of each image."""
     images = _Images(pos, tri, ranges)
     found: list[Coverage] = []
     rast, rast_db = _Rasterize.apply(pos, images, tuple(resolution), grad_db, fronts, found)
     _coverages.get(rast, "drawn", lambda: (images, found))
-    return rast, rast_db
+    return rast, rast_db, found
 
 
 def rasterize(
@@ -229,15 +242,16 @@ def rasterize(
 ) -> tuple[Tensor, Tensor]:
     """`rast` `[N, H, W, 4]`, (u, v, z/w, triangle id + 1), and `rast_db` `[N, H, W, 4]`, (du/dX, du/dY, dv/dX, dv/dY).
 
-    `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u and v,
-    and with `grad_db` from the derivatives.
+    `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u
+    and v, and with `grad_db` from the derivatives.
     """
     del glctx
-    return _rasterize(pos, tri, resolution, ranges, grad_db)
+    rast, rast_db, _ = _rasterize(pos, tri, resolution, ranges, grad_db)
+    return rast, rast_db
 
 
 class DepthPeeler:
-    """Layer after layer of what lies behind a pixel: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
+    """Layer after layer of what a pixel hides: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
 
     def __init__(
         self, glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None,
@@ -255,8 +269,7 @@ class DepthPeeler:
 
     def rasterize_next_layer(self) -> tuple[Tensor, Tensor]:
         """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
-        rast, rast_db = _rasterize(*self.call, self.fronts)
-        _, self.fronts = _drawn(rast)
+        rast, rast_db, self.fronts = _rasterize(*self.call, self.fronts)
         return rast, rast_db
 
 
@@ -266,8 +279,7 @@ def _drawn(rast: Tensor) -> Any:
 
 
 def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
-    """The coverage of each image, with its part of a mesh: that of `rasterize`, or where the tensor is another one, that of
-    its ids."""
+    """The coverage of each image, with its part of a mesh: that of `rasterize`, or of another tensor's ids."""
     drawn = _drawn(rast)
     if drawn is not None:
         images, found = drawn
@@ -413,7 +425,8 @@ class _Texture(torch.autograd.Function):
         wants_uv, wants_level, wants_da, _, _, *wants_texels = ctx.needs_input_grad
         has_da, _ = ctx.has
         uv_bars, level_bars, da_bars = [], [], []
-        texel_bars = [np.zeros(shape, out_bar.numpy().dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
+        dtype = out_bar.numpy().dtype
+        texel_bars = [np.zeros(shape, dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
         images, height, width, _ = out_bar.shape
         for k, (pull, nowhere) in enumerate(ctx.pulls):
             bar = _to_array(out_bar[k]).reshape(height * width, -1)
@@ -464,10 +477,11 @@ def texture(
     mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
     max_mip_level: int | None = None,
 ) -> Tensor:
-    """Samples of `tex` `[N, H, W, C]`, or for `boundary_mode="cube"` `[N, 6, S, S, C]`, at `uv` `[N, H, W, 2]` (3): `[N, H, W, C]`.
+    """Samples of `tex` `[N, H, W, C]` at `uv` `[N, H, W, 2]`, or for cube maps of `[N, 6, S, S, C]` at `[N, H, W, 3]`.
 
-    `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or "linear-mipmap-linear"; `boundary_mode` "wrap",
-    "clamp", "zero" or "cube". `mip` are levels of `texture_construct_mip`, or a list of one's own.
+    Returns `[N, H, W, C]`. `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or
+    "linear-mipmap-linear", `boundary_mode` "wrap", "clamp", "zero" or "cube". `mip` are levels of
+    `texture_construct_mip`, or a list of one's own.
     """
     has_detail = uv_da is not None or mip_level_bias is not None
     if filter_mode == "auto":
@@ -538,7 +552,7 @@ class _Antialias(torch.autograd.Function):
 def antialias(
     color: Tensor, rast: Tensor, pos: Tensor, tri: Tensor, topology_hash: Any = None, pos_gradient_boost: float = 1.0
 ) -> Tensor:
-    """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
+    """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased; the boost multiplies gradients of `pos`."""
     del topology_hash
     _require("color", color, *rast.shape[:3], "C")
     _require("pos", pos, *(("V", 4) if pos.dim() == 2 else (rast.shape[0], "V", 4)))
