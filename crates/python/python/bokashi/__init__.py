@@ -97,8 +97,17 @@ class Fragments(Generic[_Array]):
 
 def _size(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    height, width = (size, size) if hasattr(size, "__index__") else size
+    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
     return operator.index(height), operator.index(width)
+
+
+def _detail(level: Any, differentials: Any, bias: Any) -> bool:
+    """Whether a texture is sampled at levels of detail. What would be ignored is refused."""
+    if level is not None and (differentials is not None or bias is not None):
+        raise RenderError("a sample has a level, or differentials with a bias, got both")
+    if bias is not None and differentials is None:
+        raise RenderError("a bias is added to the level that differentials give, and there are none; take `level`")
+    return level is not None or differentials is not None
 
 
 def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
@@ -372,7 +381,7 @@ def _sample(
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
     levels = [texels, *(mips or ())]
     return _only(
         function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)

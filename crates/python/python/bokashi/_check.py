@@ -84,6 +84,6 @@ def _slope(
     # Central differences are off by a multiple of the squared step: extrapolated, and its size known.
     best = fine + (fine - coarse) / 3
     size = float(np.abs(at(0.0)).sum()) + float(np.abs(direction).sum())
-    error = abs(fine - coarse) + 100 * np.finfo(float).eps * size / step
+    error = abs(fine - coarse) + 100 * float(np.finfo(float).eps) * size / step
     pulled = 0.0 if gradient is None else float((gradient * direction).sum())
     return Slope(k, pulled, best, error)

@@ -35,7 +35,7 @@ class Picture(np.ndarray):
             file.write(self.png())
 
     def _repr_png_(self) -> bytes | None:
-        return self.png() if self.ndim == 3 and self.shape[2] == 3 else None
+        return self.png() if self.ndim == 3 and self.shape[2] == 3 and self.size else None
 
 
 class Scene:

@@ -36,7 +36,7 @@ import numpy as np
 from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
-from . import Coverage, Fragments, RenderError, _native, _size, _surface, num_threads, set_num_threads
+from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
 from . import Mesh as _Mesh
 
 __all__ = [
@@ -447,7 +447,7 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
     coordinates, level, differentials, bias = (
         _array(value, texels) for value in (coordinates, level, differentials, bias)
     )
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(

@@ -154,6 +154,8 @@ class _Images:
             self.parts = [(self.mesh, 0)] * len(self.clips)
         elif positions.ndim == 2 and ranges is not None and positions.shape[1] == 4:
             _require("ranges", ranges, "N", 2)
+            if ranges.is_floating_point():
+                raise RenderError(f"ranges need whole numbers, got {ranges.dtype}")
             self.mesh = _mesh(tri, positions.shape[0])
             starts = [(int(start), int(count)) for start, count in ranges.tolist()]
             if any(start < 0 or count < 0 for start, count in starts):
@@ -201,7 +203,7 @@ class _Rasterize(torch.autograd.Function):
             found.append(coverage)
             ctx.pulls.append((coverage, pull_back))
             rasts.append(torch.from_numpy(coverage.dense(uv, depth, first)))
-            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(-1, 4))))
+            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(len(slopes), 4))))
         ctx.set_materialize_grads(False)
         return _stack(rasts), _stack(derivatives)
 
@@ -215,13 +217,15 @@ class _Rasterize(torch.autograd.Function):
                 # z/w and the id have no gradient.
                 uv_bar = np.ascontiguousarray(coverage.gather(_to_array(rast_bar[k]))[:, :2])
             if db_bar is not None and ctx.grad_db:
-                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(-1, 2, 2)
+                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(len(coverage), 2, 2)
             bars.append(pull_back(uv_bar, None, slopes_bar)[0])
         return ctx.images.add_up(bars), None, None, None, None, None
 
 
 def _stack(images: list[Tensor]) -> Tensor:
     """Images in one array; that of a single image is not copied."""
+    if not images:
+        raise RenderError("a batch needs at least one image, got none")
     return images[0][None] if len(images) == 1 else torch.stack(images)
 
 
@@ -237,6 +241,7 @@ def _rasterize(
     return rast, rast_db, found
 
 
+@torch.compiler.disable
 def rasterize(
     glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None, grad_db: bool = True
 ) -> tuple[Tensor, Tensor]:
@@ -267,6 +272,7 @@ class DepthPeeler:
     def __exit__(self, *args: object) -> None:
         self.fronts = None
 
+    @torch.compiler.disable
     def rasterize_next_layer(self) -> tuple[Tensor, Tensor]:
         """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
         rast, rast_db, self.fronts = _rasterize(*self.call, self.fronts)
@@ -311,9 +317,9 @@ class _Interpolate(torch.autograd.Function):
             pull_slopes = None
             if which is not None:
                 chosen = np.ascontiguousarray(own[:, which])
-                db = coverage.gather(slopes[k]).reshape(-1, 2, 2)
+                db = coverage.gather(slopes[k]).reshape(len(coverage), 2, 2)
                 (moved,), pull_slopes = _native.interpolate_differentials(chosen, db, uv, clip, None, coverage, mesh)
-                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), -1))))
+                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), 2 * len(which)))))
             ctx.pulls.append((pull, pull_slopes))
         ctx.set_materialize_grads(False)
         if which is None:
@@ -344,20 +350,21 @@ class _Interpolate(torch.autograd.Function):
                     rast_bar[:, :2] = uv_bar
                     rast_bars.append(torch.from_numpy(coverage.scatter(rast_bar)))
             if da_bar is not None and pull_slopes is not None:
-                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), -1, 2)
+                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), len(ctx.which), 2)
                 more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
                 if own is not None and more is not None:
                     # One by one: an attribute may be chosen twice.
                     for column, attribute in enumerate(ctx.which):
                         own[:, attribute] += more[:, column]
                 if wants_db:
-                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(-1, 4))))
+                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(len(db_bar), 4))))
         return (
             _to_tensor(attr_bar), _stack(rast_bars) if rast_bars else None, _stack(db_bars) if db_bars else None,
             None, None,
         )
 
 
+@torch.compiler.disable
 def interpolate(
     attr: Tensor, rast: Tensor, tri: Tensor, rast_db: Tensor | None = None,
     diff_attrs: Sequence[int] | str | None = None,
@@ -398,9 +405,9 @@ class _Texture(torch.autograd.Function):
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
-            places = coordinates[k].reshape(-1, axes)
+            places = coordinates[k].reshape(height * width, axes)
             at_level = bias[k].reshape(-1) if bias is not None else None
-            footprints = slopes[k].reshape(-1, axes, 2) if slopes is not None else None
+            footprints = slopes[k].reshape(height * width, axes, 2) if slopes is not None else None
             if is_cube:
                 # Where nothing is seen there is no direction: any will do, without a gradient.
                 nowhere = ~places.any(1)
@@ -411,9 +418,9 @@ class _Texture(torch.autograd.Function):
                 places, None if footprints is not None else at_level, footprints,
                 at_level if footprints is not None else None, own, **sampler, mipmaps=makes_mipmaps,
             )
-            outs.append(torch.from_numpy(values.reshape(height, width, -1)))
+            outs.append(torch.from_numpy(values.reshape(height, width, values.shape[1])))
             ctx.pulls.append((pull, nowhere if is_cube else None))
-        ctx.has = slopes is not None, bias is not None
+        ctx.has, ctx.axes = (slopes is not None, bias is not None), axes
         ctx.set_materialize_grads(False)
         return _stack(outs)
 
@@ -427,21 +434,22 @@ class _Texture(torch.autograd.Function):
         uv_bars, level_bars, da_bars = [], [], []
         dtype = out_bar.numpy().dtype
         texel_bars = [np.zeros(shape, dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
-        images, height, width, _ = out_bar.shape
+        images, height, width, channels = out_bar.shape
         for k, (pull, nowhere) in enumerate(ctx.pulls):
-            bar = _to_array(out_bar[k]).reshape(height * width, -1)
+            bar = _to_array(out_bar[k]).reshape(height * width, channels)
             wanted = (
                 wants_uv, wants_level and not has_da, wants_da, wants_level and has_da, *wants_texels,
             )
             uv_bar, level_bar, da_bar, bias_bar, *more = pull(bar, wanted=wanted)
-            for bars, own, axes in (
-                (uv_bars, uv_bar, -1), (level_bars, bias_bar if has_da else level_bar, None), (da_bars, da_bar, -1)
+            axes = ctx.axes
+            for bars, own, of_pixel in (
+                (uv_bars, uv_bar, (axes,)), (level_bars, bias_bar if has_da else level_bar, ()),
+                (da_bars, da_bar, (2 * axes,)),
             ):
                 if own is not None:
                     if nowhere is not None:
                         own[nowhere] = 0
-                    shape = (height, width) if axes is None else (height, width, -1)
-                    bars.append(torch.from_numpy(own.reshape(shape)))
+                    bars.append(torch.from_numpy(own.reshape(height, width, *of_pixel)))
             for texel_bar, own in zip(texel_bars, more):
                 if texel_bar is not None and own is not None:
                     texel_bar[min(k, len(texel_bar) - 1)] += own
@@ -458,6 +466,7 @@ class _Mipmaps:
         self.levels = levels
 
 
+@torch.compiler.disable
 def texture_construct_mip(tex: Tensor, max_mip_level: int | None = None, cube_mode: bool = False) -> _Mipmaps:
     """The coarser levels of a texture `[N, H, W, C]`, or with `cube_mode` `[N, 6, H, W, C]`, for `texture`'s `mip`."""
     del cube_mode
@@ -472,6 +481,7 @@ _FILTERS = {
 }
 
 
+@torch.compiler.disable
 def texture(
     tex: Tensor, uv: Tensor, uv_da: Tensor | None = None, mip_level_bias: Tensor | None = None,
     mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
@@ -513,6 +523,7 @@ def texture(
     return _Texture.apply(uv, *detail, sampler, uses_levels and mip is None, *levels)
 
 
+@torch.compiler.disable
 def antialias_construct_topology_hash(tri: Tensor) -> Any:
     """The neighbours of faces: they are found once per index buffer in any case."""
     return tri
@@ -549,6 +560,7 @@ class _Antialias(torch.autograd.Function):
         return _stack(color_bars) if wants_color else None, pos_bar, None, None, None
 
 
+@torch.compiler.disable
 def antialias(
     color: Tensor, rast: Tensor, pos: Tensor, tri: Tensor, topology_hash: Any = None, pos_gradient_boost: float = 1.0
 ) -> Tensor:

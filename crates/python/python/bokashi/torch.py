@@ -26,7 +26,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from . import Coverage, Fragments, RenderError, _native, _size, _surface, num_threads, set_num_threads
+from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
 from . import Mesh as _Mesh
 
 __all__ = [
@@ -47,6 +47,8 @@ def _to_array(tensor: Tensor | None) -> Any:
     """The numbers of a tensor, not copied unless it is not contiguous."""
     if tensor is None:
         return None
+    if not isinstance(tensor, Tensor):
+        raise TypeError(f"bokashi.torch needs tensors, got {type(tensor).__name__}")
     if tensor.device.type != "cpu":
         raise RenderError(f"bokashi runs on a CPU and needs tensors that are there, got one on {tensor.device}")
     return tensor.detach().contiguous().numpy()
@@ -91,14 +93,14 @@ def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
 
 def _still(name: str, tensor: Tensor | None) -> Any:
     """The numbers of a tensor that gets no gradient. One that asks for it is refused, not left without in silence."""
-    if tensor is not None and tensor.requires_grad and torch.is_grad_enabled():
+    if isinstance(tensor, Tensor) and tensor.requires_grad and torch.is_grad_enabled():
         raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
     return _to_array(tensor)
 
 
 def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, a tensor or an array of int32 or int64."""
-    return _Mesh(faces.numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
+    return _Mesh(_to_array(faces) if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
 
 
 # Cameras and poses.
@@ -353,7 +355,7 @@ def _sample(
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
