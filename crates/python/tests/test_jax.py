@@ -77,6 +77,7 @@ def test_operations_on_fragments_have_true_gradients(generator, exact):
     check_outside(loss, clip, colors, sky)
     if not exact:
         check_outside(lambda clip: bj.depth(drawn(clip, colors)), clip)
+        check_outside(lambda clip: bj.eye_depth(drawn(clip, colors)), clip)
         check_outside(lambda clip: bj.differentials(drawn(clip, colors)), clip)
         dense = generator.uniform(size=(*SIZE, 2))
         check_outside(lambda image, clip: bj.antialias_image(image, drawn(clip, colors)), dense, clip)
@@ -93,6 +94,7 @@ def test_operations_on_fragments_have_true_gradients(generator, exact):
     check(lambda values: of_values(values=values), generator.uniform(size=(len(fragments), 3)))
     check(lambda colors: bj.interpolate(colors, fragments), colors)
     check(lambda uv: bj.depth(fragments.replace(barycentrics=uv)), fragments.barycentrics)
+    check(lambda uv: bj.eye_depth(fragments.replace(barycentrics=uv)), fragments.barycentrics)
     check(lambda uv: bj.differentials(fragments.replace(barycentrics=uv)), fragments.barycentrics)
     seen = jax.jit(lambda colors, fragments: bj.interpolate(colors, fragments))(colors, fragments)
     np.testing.assert_array_equal(seen, bj.interpolate(colors, fragments))
@@ -115,6 +117,55 @@ def test_every_other_operation_has_true_gradients(generator):
     check(bj.exposure, image, np.array(0.3))
     check(bj.over, generator.uniform(size=(5, 4)), generator.uniform(size=(5, 4)))
     check(bj.reflect, directions, generator.normal(size=(5, 3)))
+
+
+def test_cameras_lenses_and_light_have_true_gradients(generator):
+    mesh, clip = scene(generator)
+
+    def uniform(low, high, *shape):
+        return generator.uniform(low, high, shape)
+
+    points, rows = uniform(-0.3, 0.3, 7, 3) + [0, 0, 2], np.eye(4)[:3] + uniform(-0.2, 0.2, 3, 4)
+    normals, values = generator.normal(size=(7, 3)), generator.normal(size=(7, 3))
+    signed = np.concatenate([generator.normal(size=(7, 3)), np.ones((7, 1))], 1)
+    camera = np.eye(4) + uniform(-0.1, 0.1, 4, 4)
+    intrinsics = np.array([30.0, 32.0, 15.5, 16.5])
+
+    def affine(rows):
+        return jnp.concatenate([rows, jnp.array([[0.0, 0, 0, 1]])])
+
+    def instances(points, rows, camera):
+        return bj.project_instances(points, jnp.stack([affine(rows), jnp.eye(4)]), camera)
+
+    check(lambda x: bj.se3(x, affine(rows)), uniform(-0.5, 0.5, 6))
+    check(lambda x: bj.pinhole(x, (32, 31), 0.1, 9.0), intrinsics)
+    check(lambda x: bj.orthographic(x, 32, 0.1, 9.0), intrinsics)
+    check(lambda rows: bj.affine_inverse(affine(rows)), rows)
+    check(bj.rigid, generator.normal(size=4), generator.normal(size=3))
+    check(bj.distort, points, uniform(-0.05, 0.05, 5))
+    check(bj.fisheye, points, uniform(-0.02, 0.02, 4))
+    check(lambda points, rows: bj.transform_points(points, affine(rows)), points, rows)
+    check(lambda normals, rows: bj.transform_normals(normals, affine(rows)), normals, rows)
+    check(instances, points, rows, camera)
+    # The sign of a tangent has no gradient.
+    check(lambda n, t, x: bj.perturbed_normals(n, jnp.concatenate([t, signed[:, 3:]], 1), x), normals, signed[:, :3], values)
+    check(lambda p, n, x: bj.tangents(p, n, x, mesh), points, normals, generator.normal(size=(7, 2)))
+    check(
+        lambda i, d, a, f: bj.depth_of_field(i, d, a, f),
+        uniform(0, 1, 9, 8, 2), uniform(1, 3, 9, 8), np.array(1.5), np.array(2.0),
+    )
+    normals, views = normals + [0, 0, 3], [0.1, -0.2, 3.0]
+    for model, material in [
+        ("lambert", [uniform(0.2, 0.8, 7, 3)]),
+        ("phong", [uniform(0.2, 0.8, 7, 3), uniform(0.1, 0.4, 3), np.array(7.0)]),
+        ("metallic-roughness", [uniform(0.2, 0.8, 3), uniform(0.3, 0.8, 7), np.array(0.4)]),
+    ]:
+
+        def shaded(normals, places, sun, lamp, sky, *material):
+            lights = [("directional", [0.5, 1, 4], sun), ("point", [0.5, 1, 4.0], lamp), ("ambient", sky)]
+            return bj.shade(normals, views, material, lights, positions=places, model=model)
+
+        check(shaded, normals, points, uniform(0.5, 1, 3), uniform(1, 2, 3), uniform(0.1, 0.3, 3), *material)
 
 
 def test_textures_have_true_gradients(generator):
@@ -268,6 +319,15 @@ def test_what_is_refused_says_why(generator):
         jax.jit(lambda clip: bj.rasterize(clip, mesh, SIZE).barycentrics)(clip)
     with pytest.raises(bokashi.RenderError, match="clip positions of shape"):
         bj.rasterize(clip[:, :3], mesh, SIZE)
+    # Where the shape of a result cannot be told, the operation says why, inside of jit too.
+    for f in (lambda f: f, jax.jit):
+        with pytest.raises(bokashi.RenderError, match="texels|a texture"):
+            f(lambda x: bj.mipmaps(x))(colors[0])
+        with pytest.raises(bokashi.RenderError, match="shape"):
+            f(lambda x: bj.downsample(x, 2))(colors)
+        with pytest.raises(bokashi.RenderError, match="shape"):
+            f(lambda x: bj.render(clip, mesh, x, SIZE))(colors[0])
+        assert f(bj.exposure)(jnp.ones(()), jnp.zeros(3)).shape == (3,)
     with pytest.raises(TypeError, match="float32 or float64, got int"):
         bj.srgb_encode(jnp.arange(3))
     with pytest.raises(Exception, match="clip positions of shape"):

@@ -54,3 +54,19 @@ def test_rules_stop_a_fit_and_errors_are_those_of_the_function():
     ]:
         with pytest.raises(error, match=message):
             wrong()
+
+
+def test_a_fit_that_is_asked_from_its_pipeline_answers_or_refuses():
+    found = []
+
+    def square(parameters):
+        if found:
+            assert found[0].step == len(found) and f"{len(found)} of 2" in repr(found[0])
+            with pytest.raises(RuntimeError, match="between two steps"):
+                found[0].parameters
+            with pytest.raises(RuntimeError, match="one step at a time"):
+                found[0].run()
+        return float((parameters["x"] ** 2).sum()), {"x": 2 * parameters["x"]}
+
+    fit = bokashi.fit(square, {"x": np.ones(2)}, steps=2, callback=found.append)
+    assert fit is found[0] and fit.step == 2 and fit.parameters["x"].shape == (2,)

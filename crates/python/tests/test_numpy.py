@@ -247,6 +247,7 @@ def test_a_pull_back_computes_what_is_wanted_as_often_as_asked(generator):
 
 def test_what_is_refused_says_the_rule_and_then_the_value(generator):
     mesh, clip = scene(generator)
+    uv = np.full((3, 2), 0.5)
     for wrong, error, message in [
         (lambda: bokashi.rasterize(clip[:, :3], mesh, 8), bokashi.RenderError, "clip positions of shape \\[7, 4\\], got shape \\[7, 3\\]"),
         (lambda: bokashi.rasterize(clip, mesh, 0), bokashi.RenderError, "an image needs at least one pixel"),
@@ -257,10 +258,25 @@ def test_what_is_refused_says_the_rule_and_then_the_value(generator):
         (lambda: bokashi.Mesh(np.array([[0, 1, 7]]), 7), bokashi.RenderError, "vertex indices below 7, got 7 in face 0"),
         (lambda: bokashi.Mesh(np.array([[0, 1, -1]]), 7), ValueError, "got -1 in face 0"),
         (lambda: bokashi.Mesh(np.array([[0, 1]]), 7), ValueError, "shape \\[F, 3\\], got \\[1, 2\\]"),
+        (lambda: bokashi.sample_texture(np.ones((4, 4, 1)), uv, bias=1.0), bokashi.RenderError, "there are none; take `level`"),
+        (lambda: bokashi.sample_texture(np.ones((4, 4, 1)), uv, level=1.0, bias=1.0), bokashi.RenderError, "got both"),
+        (lambda: bokashi.rasterize(clip, mesh, 8.0), TypeError, "float"),
     ]:
         with pytest.raises(error, match=message):
             wrong()
+    for size in (8, np.int64(8), [8, 8], np.array([8, 8])):
+        assert bokashi.render(clip, mesh, clip, size)[0].shape == (8, 8, 4)
     assert issubclass(bokashi.RenderError, ValueError)
+
+
+def test_meshes_can_be_copied_and_pickled(generator):
+    import copy
+    import pickle
+
+    mesh, _ = scene(generator)
+    for other in (copy.copy(mesh), copy.deepcopy(mesh), pickle.loads(pickle.dumps(mesh))):
+        np.testing.assert_array_equal(other.faces, mesh.faces)
+        assert other.vertex_count == 7
 
 
 def test_memory_does_not_grow(generator):

@@ -1,6 +1,7 @@
 """The stand-in for nvdiffrast: recorded outputs, its documentation's formulas, and gradients."""
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,70 @@ def test_ranges_peels_and_lost_objects():
         assert torch.equal(dr.antialias(out, lose(rast), pos, tri), dr.antialias(out, rast, pos, tri))
 
 
+def test_images_may_show_nothing():
+    generator = np.random.default_rng(4)
+    pos, tri = faces_in_perspective(generator, 1)
+    attr = torch.from_numpy(generator.normal(size=(1, 6, 3)))
+    away = torch.tensor([9.0, 0, 0, 0], dtype=torch.float64)
+
+    def step(pos, tri):
+        pos, own = leaf(pos.detach()), leaf(attr)
+        rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+        out, out_da = dr.interpolate(own, rast, tri, rast_db, diff_attrs="all")
+        image = dr.antialias(out, rast, pos, tri)
+        (image.square().sum() + out_da.square().sum()).backward()
+        return image, out_da, pos.grad, own.grad
+
+    image, out_da, pos_bar, attr_bar = step(pos, tri)
+    both = step(torch.cat([pos + away, pos]), tri)
+    assert torch.equal(both[0][1:], image) and torch.equal(both[1][1:], out_da)
+    assert not both[0][0].any() and not both[2][0].any()
+    assert torch.equal(both[2][1:], pos_bar) and torch.equal(both[3], attr_bar)
+    for nothing in (step(pos + away, tri), step(pos, tri[:0])):
+        assert nothing[0].shape == (1, 8, 8, 3) and nothing[1].shape == (1, 8, 8, 6)
+        assert not any(bool(array.any()) for array in nothing)
+    tex, uv = leaf(torch.ones(1, 4, 4, 3)), leaf(torch.ones(2, 0, 5, 2))
+    empty = dr.texture(tex, uv)
+    empty.sum().backward()
+    assert empty.shape == (2, 0, 5, 3) and not tex.grad.any() and uv.grad.shape == uv.shape
+
+
+def test_a_compiled_function_calls_it_as_it_is():
+    generator = np.random.default_rng(6)
+    pos, tri = faces_in_perspective(generator, 1)
+    tex = torch.from_numpy(generator.uniform(size=(1, 4, 4, 3)))
+
+    def loss(pos):
+        rast, rast_db = dr.rasterize(CONTEXT, pos * 1.0, tri, [8, 8])
+        uv, uv_da = dr.interpolate(pos[..., :2].sigmoid(), rast, tri, rast_db, diff_attrs="all")
+        color = dr.texture(tex, uv, uv_da)
+        return (dr.antialias(color, rast, pos * 1.0, tri) ** 2).sum()
+
+    (expected,) = torch.autograd.grad(loss(pos), pos)
+    compiled = torch.compile(loss, backend="eager")
+    with warnings.catch_warnings(record=True) as told:
+        for _ in range(2):
+            (found,) = torch.autograd.grad(compiled(pos), pos)
+            assert torch.equal(found, expected)
+    # torch tells of its own non-leaf tensors, and of nothing of ours.
+    assert not [warning for warning in told if "bokashi" in str(warning.message)]
+
+
+def test_it_works_in_inference_mode():
+    generator = np.random.default_rng(1)
+    pos, tri = faces_in_perspective(generator, 2)
+    attr = torch.from_numpy(generator.normal(size=(2, 6, 3)))
+
+    def images(pos, tri):
+        with dr.DepthPeeler(CONTEXT, pos, tri, [8, 8]) as peeler:
+            layers = [peeler.rasterize_next_layer()[0] for _ in range(2)]
+        return [dr.antialias(dr.interpolate(attr, rast, tri)[0], rast, pos, tri) for rast in layers]
+
+    expected = images(pos, tri)
+    with torch.inference_mode():
+        assert all(map(torch.equal, images(pos.clone(), tri.clone()), expected))
+
+
 def test_an_attribute_may_be_chosen_twice():
     generator = np.random.default_rng(2)
     pos, tri = faces_in_perspective(generator, 1)
@@ -260,6 +325,8 @@ def test_what_is_refused_says_why():
         (lambda: dr.rasterize(CONTEXT, pos[:0], tri, [4, 4]), "at least one image"),
         (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4], ranges=ranges), "from 0 on, got \\[\\[0, 2\\], \\[-1, 1\\]\\]"),
         (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4], ranges=ranges[0]), "ranges needs shape \\[N, 2\\], got \\[2\\]"),
+        (lambda: dr.rasterize(CONTEXT, pos[0], tri, [4, 4], ranges=ranges.float()), "whole numbers, got torch.float32"),
+        (lambda: dr.texture(tex, uv[:0]), "at least one image"),
         (lambda: dr.rasterize(CONTEXT, pos.to("meta"), tri, [4, 4]), "runs on a CPU"),
         (lambda: dr.interpolate(attr.expand(2, -1, -1), rast, tri), "attr needs shape \\[1, V, A\\], got \\[2, 6, 3\\]"),
         (lambda: dr.interpolate(attr, rast, tri, rast_db[:, :2], diff_attrs="all"), "rast_db needs shape \\[1, 4, 4, 4\\]"),

@@ -109,6 +109,46 @@ def test_second_derivatives_are_refused_and_other_devices_too(generator):
         bt.render(clip.detach().to("meta"), mesh, clip, 8)
 
 
+def test_what_gets_no_gradient_is_not_asked_for_one(generator):
+    mesh, clip = scene(generator)
+    clip, target, pose = tensor(clip), tensor(np.zeros((8, 8, 3))), tensor(np.eye(4))
+    colors = torch.ones(7, 3, dtype=torch.float64)
+    fragments = bt.rasterize(clip, mesh, 8)
+    for wrong in (
+        lambda: bt.render(clip, mesh, colors, 8, reference=target),
+        lambda: bt.picture(bt.interpolate(colors, fragments), fragments, reference=target),
+        lambda: bt.se3(tensor(np.zeros(6)), pose),
+    ):
+        with pytest.raises(bokashi.RenderError, match="has no gradient here and needs to be detached"):
+            wrong()
+    with torch.no_grad():
+        assert bt.render(clip, mesh, colors, 8, reference=target) > 0
+
+
+def test_materials_and_lights_are_counted(generator):
+    normals = tensor(generator.normal(size=(5, 3)))
+    ambient = [("ambient", [1.0, 1, 1])]
+    for material, lights, message in [
+        (torch.ones(5, 3), ambient, "a list of at most 3 arrays, got Tensor"),
+        ([0.1, 0.2, 0.3, 0.4], ambient, "a list of at most 3 arrays, got 4 arrays"),
+        ([[0.5] * 3], [("ambient", 1.0, 2.0, 3.0)], "one or two arrays, got 3 for 'ambient'"),
+        ([[0.5] * 3], [("ambient",)], "one or two arrays, got 0 for 'ambient'"),
+    ]:
+        with pytest.raises(bokashi.RenderError, match=message):
+            bt.shade(normals, [0.0, 0, 1], material, lights, model="lambert")
+
+
+def test_a_module_can_be_copied_and_saved(generator, tmp_path):
+    import copy
+
+    mesh, clip = scene(generator)
+    clip, colors = torch.from_numpy(clip), torch.ones(7, 3, dtype=torch.float64)
+    renderer = bt.Renderer(mesh, 8)
+    torch.save(renderer, tmp_path / "renderer.pt")
+    for other in (copy.deepcopy(renderer), torch.load(tmp_path / "renderer.pt", weights_only=False)):
+        assert torch.equal(other(clip, colors), renderer(clip, colors))
+
+
 def test_only_what_is_wanted_is_computed_and_gradients_may_be_missing(generator):
     mesh, clip = scene(generator)
     clip, colors = torch.from_numpy(clip), tensor(generator.uniform(size=(7, 3)))

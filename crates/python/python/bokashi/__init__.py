@@ -25,6 +25,8 @@ vertices, F faces, N fragments (the covered samples of an image), K pieces of ex
 
 from __future__ import annotations
 
+import copyreg
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
@@ -47,6 +49,9 @@ __all__ = [
     "transform_normals", "transform_points", "vertex_normals",
 ]
 
+
+# Meshes can be pickled and copied, and modules of torch that have them.
+copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
 
 # The arrays of a call are of one type.
 _T = TypeVar("_T", np.float32, np.float64)
@@ -92,8 +97,17 @@ class Fragments(Generic[_Array]):
 
 def _size(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    height, width = (size, size) if isinstance(size, int) else size
-    return height, width
+    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
+    return operator.index(height), operator.index(width)
+
+
+def _detail(level: Any, differentials: Any, bias: Any) -> bool:
+    """Whether a texture is sampled at levels of detail. What would be ignored is refused."""
+    if level is not None and (differentials is not None or bias is not None):
+        raise RenderError("a sample has a level, or differentials with a bias, got both")
+    if bias is not None and differentials is None:
+        raise RenderError("a bias is added to the level that differentials give, and there are none; take `level`")
+    return level is not None or differentials is not None
 
 
 def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
@@ -101,9 +115,26 @@ def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
     return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
 
 
+def _surface(
+    material: Sequence[Any], lights: Sequence[tuple[Any, ...]]
+) -> tuple[list[str], list[Any], list[Any]]:
+    """The kinds of lights, three arrays of a material, and two of each light: `None` for those not there."""
+    if hasattr(material, "shape") or len(material) > 3:
+        given = type(material).__name__ if hasattr(material, "shape") else f"{len(material)} arrays"
+        raise RenderError(f"a material needs to be a list of at most 3 arrays, got {given}")
+    for kind, *arrays in lights:
+        if not 1 <= len(arrays) <= 2:
+            raise RenderError(f"a light needs one or two arrays, got {len(arrays)} for {kind!r}")
+    of_lights = [values for _, *arrays in lights for values in (*arrays, None)[:2]]
+    return [kind for kind, *_ in lights], [*material, None, None, None][:3], of_lights
+
+
 def _only(recorded: tuple[tuple[NDArray[_T]], PullBack]) -> tuple[NDArray[_T], PullBack]:
     (value,), pull_back = recorded
     return value, pull_back
+
+
+# Cameras and poses.
 
 
 def project(
@@ -118,17 +149,101 @@ def project(
     return _only(_native.project(positions, _like(camera, positions), *optional))
 
 
+def project_instances(
+    positions: NDArray[_T], matrices: ArrayLike, camera: ArrayLike
+) -> tuple[NDArray[_T], PullBack]:
+    """Positions `[V, 3]` placed by each of the `matrices` `[I, 4, 4]`, in clip space: `[I V, 4]`.
+
+    One instance comes after another. Gradients: of positions, matrices and camera.
+    """
+    return _only(_native.project_instances(positions, _like(matrices, positions), _like(camera, positions)))
+
+
+def pinhole(
+    intrinsics: NDArray[_T], size: int | Sequence[int], near: float, far: float
+) -> tuple[NDArray[_T], PullBack]:
+    """The matrix `[4, 4]` from a camera's space (x right, y down, z forward) to clip space.
+
+    `intrinsics` `[4]` are focal lengths and principal point (fx, fy, cx, cy) in pixels, as OpenCV has them: the centre
+    of the first pixel is (0, 0). `near` and `far` are distances along the view axis; `far` may be infinite. Gradients:
+    of the intrinsics.
+    """
+    return _only(_native.pinhole(intrinsics, *_size(size), near, far))
+
+
+def orthographic(
+    intrinsics: NDArray[_T], size: int | Sequence[int], near: float, far: float
+) -> tuple[NDArray[_T], PullBack]:
+    """As `pinhole`, for parallel rays: `intrinsics` `[4]` are pixels per unit and the centre, (sx, sy, cx, cy)."""
+    return _only(_native.orthographic(intrinsics, *_size(size), near, far))
+
+
+def distort(points: NDArray[_T], coefficients: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """Points `[V, 3]` in a camera's space as its lens bends them, `[V, 3]`: `pinhole` comes next.
+
+    `coefficients` are OpenCV's, `[5]` (k1, k2, p1, p2, k3) or `[8]` (then k4, k5, k6). Gradients: of points and
+    coefficients.
+    """
+    return _only(_native.distort(points, _like(coefficients, points)))
+
+
+def fisheye(points: NDArray[_T], coefficients: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """Points `[V, 3]` in a camera's space as a fisheye sees them, `[V, 3]`: `pinhole` comes next.
+
+    `coefficients` `[4]` are those of OpenCV's module `fisheye`. The third number becomes the distance from the eye.
+    Gradients: of points and coefficients.
+    """
+    return _only(_native.fisheye(points, _like(coefficients, points)))
+
+
+def rigid(rotation: NDArray[_T], translation: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """The matrix `[4, 4]` of a quaternion `[4]` (x, y, z, w) of any length, then a translation `[3]`.
+
+    Gradients: of both.
+    """
+    return _only(_native.rigid(rotation, _like(translation, rotation)))
+
+
+def se3(increment: NDArray[_T], fixed: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """The pose `fixed` `[4, 4]` moved by an increment `[6]`, a translation and a rotation vector in radians: `[4, 4]`.
+
+    The increment multiplies from the left. A fit starts at 0, and may put what it found into `fixed` after each step.
+    Gradients: of the increment; `fixed` has none.
+    """
+    return _only(_native.se3(increment, _like(fixed, increment)))
+
+
+def affine_inverse(matrix: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
+    """The inverse of an affine matrix `[4, 4]`, whose last row is (0, 0, 0, 1). Gradients: of the matrix."""
+    return _only(_native.affine_inverse(matrix))
+
+
+def transform_points(points: NDArray[_T], matrix: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """Points `[V, 3]` moved by an affine matrix `[4, 4]`: `[V, 3]`. Gradients: of both."""
+    return _only(_native.transform_points(points, _like(matrix, points)))
+
+
+def transform_normals(normals: NDArray[_T], matrix: ArrayLike) -> tuple[NDArray[_T], PullBack]:
+    """Normals `[N, 3]` of surfaces that a matrix `[4, 4]` or `[3, 3]` moves, of length 1: `[N, 3]`.
+
+    Gradients: of both.
+    """
+    return _only(_native.transform_normals(normals, _like(matrix, normals)))
+
+
+# Fragments.
+
+
 def rasterize(
     clip: NDArray[_T], mesh: Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
-    creases: Sequence[NDArray[_T] | tuple[NDArray[_T], Mesh | None]] = (),
-    crease_tolerance: float = 2e-3,
+    creases: Sequence[NDArray[_T] | tuple[NDArray[_T], Mesh | None]] = (), crease_tolerance: float = 2e-3,
 ) -> tuple[Fragments[NDArray[_T]], PullBack]:
     """The fragments of a mesh with vertices `clip` `[V, 4]`, in an image of `size` (height, width) or a square.
 
     `cull` is "none", "back" or "front". With `exact` pixels that a discontinuity crosses are resolved into pieces, each
     with its share: silhouettes then have their true gradient. `creases` are the attributes that will be shown, arrays
-    `[V, C]` or pairs of an array and its own `Mesh`, so that creases that bend them by more than `crease_tolerance` in a pixel
-    are resolved too.
+    `[V, C]` or pairs of an array and its own `Mesh`. Edges that bend one of them by more than `crease_tolerance` within
+    a pixel are then resolved too.
 
     Returns `Fragments` and the pull-back of their barycentrics, and with `exact` of their weights, to `clip` (then to
     the creases' attributes, which get none).
@@ -152,19 +267,6 @@ def interpolate(
     return _only(_native.interpolate(attributes, *fragments.arrays, fragments.coverage, mesh))
 
 
-def depth(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
-    """z / w of each fragment, `[N]`, from -1 (near) to 1 (far). Gradients: of barycentrics, clip positions, weights."""
-    return _only(_native.depth(*fragments.arrays, fragments.coverage))
-
-
-def differentials(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
-    """How the barycentrics change from pixel to pixel, `[N, 2, 2]`: d/dx and d/dy of u and of v, y down.
-
-    Gradients: of barycentrics, clip positions and weights.
-    """
-    return _only(_native.differentials(*fragments.arrays, fragments.coverage))
-
-
 def interpolate_differentials(
     attributes: NDArray[_T], fragments: Fragments[NDArray[_T]], differentials: NDArray[_T], mesh: Mesh | None = None
 ) -> tuple[NDArray[_T], PullBack]:
@@ -178,14 +280,41 @@ def interpolate_differentials(
     return _only(recorded)
 
 
+def differentials(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
+    """How the barycentrics change from pixel to pixel, `[N, 2, 2]`: d/dx and d/dy of u and of v, y down.
+
+    Gradients: of barycentrics, clip positions and weights.
+    """
+    return _only(_native.differentials(*fragments.arrays, fragments.coverage))
+
+
+def depth(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
+    """z / w of each fragment, `[N]`, from -1 (near) to 1 (far).
+
+    Gradients: of barycentrics, clip positions and weights.
+    """
+    return _only(_native.depth(*fragments.arrays, fragments.coverage))
+
+
+def eye_depth(fragments: Fragments[NDArray[_T]]) -> tuple[NDArray[_T], PullBack]:
+    """w of each fragment, `[N]`: for perspective cameras the distance along the view axis, for parallel rays 1.
+
+    Gradients: of barycentrics, clip positions and weights.
+    """
+    return _only(_native.eye_depth(*fragments.arrays, fragments.coverage))
+
+
+# Pictures.
+
+
 def picture(
     values: NDArray[_T], fragments: Fragments[NDArray[_T]], background: ArrayLike | None = None, *,
     antialias: bool = True, reference: NDArray[_T] | None = None,
 ) -> tuple[NDArray[_T], PullBack]:
     """The image `[H, W, C]` of fragments that look like `values` `[N, C]`, before a background `[C]` or `[H, W, C]`.
 
-    Silhouettes are antialiased, unless coverage is exact. With a `reference` image: the sum of the squared errors, `[]`,
-    at the cost of what is covered. Gradients: of values, background, barycentrics, clip positions, weights.
+    Silhouettes are antialiased, unless coverage is exact. With a `reference` image: the sum of the squared errors,
+    `[]`, at the cost of what is covered. Gradients: of values, background, barycentrics, clip positions, weights.
     """
     behind = background if background is None else _like(background, values)
     recorded = _native.picture(values, behind, *fragments.arrays, fragments.coverage, antialias, reference)
@@ -204,13 +333,15 @@ def antialias_image(image: NDArray[_T], fragments: Fragments[NDArray[_T]]) -> tu
 def render(
     positions: NDArray[_T], mesh: Mesh, colors: NDArray[_T], size: int | Sequence[int], *,
     camera: ArrayLike | None = None, background: ArrayLike | None = None, color_mesh: Mesh | None = None,
-    cull: str = "none", silhouettes: str = "exact", reference: NDArray[_T] | None = None, crease_tolerance: float = 2e-3,
+    cull: str = "none", silhouettes: str = "exact", reference: NDArray[_T] | None = None,
+    crease_tolerance: float = 2e-3,
 ) -> tuple[NDArray[_T], PullBack]:
     """A whole step: the image `[H, W, C]` of a mesh with colours at its vertices, `[V, C]`.
 
     `positions` are `[V, 3]` before a camera matrix `[4, 4]`, or without one `[V, 4]` in clip space. `silhouettes` are
-    "exact", "antialias" or "aliased"; exact ones resolve creases that bend a pixel by more than `crease_tolerance`. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of
-    positions, camera, colors and background.
+    "exact", "antialias" or "aliased". Exact ones resolve the edges that bend a colour by more than `crease_tolerance`
+    within a pixel, too. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of positions, camera,
+    colors and background, then of the reference, which gets none.
 
     >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
     >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
@@ -231,6 +362,9 @@ def render(
     return _only(recorded)
 
 
+# Textures.
+
+
 def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDArray[_T], ...], PullBack]:
     """The coarser levels of texels `[H, W, C]`, or of a cube map's `[6, S, S, C]`: a tuple, each half as large.
 
@@ -247,7 +381,7 @@ def _sample(
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
     levels = [texels, *(mips or ())]
     return _only(
         function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)
@@ -262,10 +396,10 @@ def sample_texture(
 ) -> tuple[NDArray[_T], PullBack]:
     """Samples of texels `[H, W, C]` at coordinates (u, v), `[N, 2]`; (0, 0) is the upper left corner: `[N, C]`.
 
-    The level of detail is `level` (`[N]` or a number), or follows from `differentials` `[N, 2, 2]` of the coordinates and a
-    `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic", `border`
-    "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own. Gradients: of
-    coordinates, level, differentials, bias, texels and mips.
+    The level of detail is `level` (`[N]` or a number), or follows from `differentials` `[N, 2, 2]` of the coordinates
+    and a `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic",
+    `border` "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own.
+    Gradients: of coordinates, level, differentials, bias, texels and mips.
     """
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -283,21 +417,7 @@ def sample_cube_map(
     )
 
 
-def gaussian_blur(
-    image: NDArray[_T], sigma: ArrayLike, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
-    radius: int | None = None,
-) -> tuple[NDArray[_T], PullBack]:
-    """An image `[H, W, C]` blurred with standard deviation `sigma` in pixels, a number or `[]`.
-
-    `kernel` is "sampled", "discrete", "unnormalized" or "disc"; `border` "mirror", "clamp" or "zero". The window misses at
-    most the share `tolerance` of the weight, or reaches `radius` pixels. Gradients: of image and sigma.
-    """
-    return _only(_native.gaussian_blur(image, _like(sigma, image), kernel, border, tolerance, radius))
-
-
-def downsample(image: NDArray[_T], factor: int) -> tuple[NDArray[_T], PullBack]:
-    """The means of blocks of `factor` by `factor` pixels. Gradients: of the image."""
-    return _only(_native.downsample(image, factor))
+# Normals and light.
 
 
 def face_normals(positions: NDArray[_T], mesh: Mesh) -> tuple[NDArray[_T], PullBack]:
@@ -312,14 +432,90 @@ def vertex_normals(
     return _only(_native.vertex_normals(positions, mesh, weighting))
 
 
-def srgb_encode(x: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
-    """sRGB numbers of linear ones. Gradients: of the input."""
-    return _only(_native.srgb_encode(x))
+def tangents(
+    positions: NDArray[_T], normals: NDArray[_T], coordinates: NDArray[_T], mesh: Mesh,
+    coordinates_mesh: Mesh | None = None,
+) -> tuple[NDArray[_T], PullBack]:
+    """The tangents of texture coordinates `[A, 2]`: unit vectors along which u grows, and bitangents' signs, `[A, 4]`.
+
+    `positions` and `normals` are `[V, 3]`. `coordinates_mesh` is the coordinates' own index buffer, where that is not
+    the positions'. Gradients: of positions, normals and coordinates.
+    """
+    return _only(_native.tangents(positions, normals, coordinates, mesh, coordinates_mesh))
 
 
-def srgb_decode(y: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
-    """Linear numbers of sRGB ones. Gradients: of the input."""
-    return _only(_native.srgb_decode(y))
+def perturbed_normals(
+    normals: NDArray[_T], tangents: NDArray[_T], values: NDArray[_T]
+) -> tuple[NDArray[_T], PullBack]:
+    """Normals `[N, 3]` turned by the values `[N, 3]` of a normal map, from -1 to 1, along tangents `[N, 4]`: `[N, 3]`.
+
+    Gradients: of all three.
+    """
+    return _only(_native.perturbed_normals(normals, tangents, values))
+
+
+def reflect(directions: NDArray[_T], normals: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
+    """Directions `[N, 3]` mirrored at surfaces with normals `[N, 3]`. Gradients: of both."""
+    return _only(_native.reflect(directions, normals))
+
+
+def shade(
+    normals: NDArray[_T], views: ArrayLike, material: Sequence[ArrayLike], lights: Sequence[tuple[Any, ...]], *,
+    positions: NDArray[_T] | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
+) -> tuple[NDArray[_T], PullBack]:
+    """The radiance `[N, 3]` of surfaces with `normals` `[N, 3]`, seen from `views` `[N, 3]` or `[3]`, in `lights`.
+
+    `views` lead from a surface to the eye. `material` is a list of arrays, each with a row for each fragment or one for
+    all. Which they are, `model` says: base colour, roughness and metallic for "metallic-roughness", a colour for
+    "lambert", colour, specular and exponent for "phong" and "blinn-phong". `lights` are tuples: ("directional",
+    direction, irradiance), where the direction leads to the light; ("point", position, intensity), which needs
+    `positions` `[N, 3]`; ("ambient", radiance).
+
+    Gradients: of normals, views, positions, three of the material, and two of each light; `None` for those not there.
+    """
+    kinds, of_material, of_lights = _surface(material, lights)
+    own = [_like(values, normals) for values in of_material if values is not None]
+    more = [values if values is None else _like(values, normals) for values in of_lights]
+    places = positions if positions is None else _like(positions, normals)
+    shining: list[Any] = list(zip(kinds, more[::2], more[1::2]))
+    return _only(_native.shade(normals, _like(views, normals), places, own, model, shining, conserves_energy))
+
+
+# Images.
+
+
+def gaussian_blur(
+    image: NDArray[_T], sigma: ArrayLike, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
+    radius: int | None = None,
+) -> tuple[NDArray[_T], PullBack]:
+    """An image `[H, W, C]` blurred with standard deviation `sigma` in pixels, a number or `[]`.
+
+    `kernel` is "sampled", "discrete", "unnormalized" or "disc"; `border` "mirror", "clamp" or "zero". The window misses
+    at most the share `tolerance` of the weight, or reaches `radius` pixels. Gradients: of image and sigma.
+    """
+    return _only(_native.gaussian_blur(image, _like(sigma, image), kernel, border, tolerance, radius))
+
+
+def depth_of_field(
+    image: NDArray[_T], distances: NDArray[_T], aperture: ArrayLike, focus: ArrayLike, *, largest_sigma: float = 32.0,
+    tolerance: float = 1e-3, blades: int | None = None, rotation: float = 0.0,
+) -> tuple[NDArray[_T], PullBack]:
+    """An image `[H, W, C]` as a lens sees it, with the distance of each pixel, `[H, W]`.
+
+    `aperture` is the standard deviation in pixels of the blur at infinity, `focus` the distance that is sharp; both are
+    numbers or `[]`. Blurs are Gaussian, up to `largest_sigma`. With `blades` they have the shape of the opening: 0 for
+    a disc, 3 to 16 for a polygon that is turned by `rotation` in radians. Gradients: of image, distances, aperture and
+    focus.
+    """
+    aperture, focus = _like(aperture, image), _like(focus, image)
+    return _only(
+        _native.depth_of_field(image, distances, aperture, focus, largest_sigma, tolerance, blades, rotation)
+    )
+
+
+def downsample(image: NDArray[_T], factor: int) -> tuple[NDArray[_T], PullBack]:
+    """The means of blocks of `factor` by `factor` pixels. Gradients: of the image."""
+    return _only(_native.downsample(image, factor))
 
 
 def exposure(image: NDArray[_T], stops: ArrayLike) -> tuple[NDArray[_T], PullBack]:
@@ -332,100 +528,11 @@ def over(front: NDArray[_T], back: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     return _only(_native.over(front, back))
 
 
-def reflect(directions: NDArray[_T], normals: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
-    """Directions `[N, 3]` mirrored at surfaces with normals `[N, 3]`. Gradients: of both."""
-    return _only(_native.reflect(directions, normals))
+def srgb_encode(x: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
+    """sRGB numbers of linear ones. Gradients: of the input."""
+    return _only(_native.srgb_encode(x))
 
 
-def affine_inverse(matrix):
-    """The inverse of an affine matrix `[4, 4]`. Gradients: of the matrix."""
-    return _only(_native.affine_inverse(matrix))
-
-
-def rigid(rotation, translation):
-    """The matrix `[4, 4]` of a quaternion `[4]` (x, y, z, w) and a translation `[3]`. Gradients: of both."""
-    return _only(_native.rigid(rotation, translation))
-
-
-def se3(increment, fixed):
-    """A pose `[4, 4]` moved by an increment `[6]`: a translation and a rotation vector. Gradients: of the increment."""
-    return _only(_native.se3(increment, fixed))
-
-
-def pinhole(intrinsics, size, near: float, far: float):
-    """The projection `[4, 4]` of intrinsics `[4]` in pixels: focal lengths and centre. Gradients: of the intrinsics."""
-    return _only(_native.pinhole(intrinsics, *_size(size), near, far))
-
-
-def orthographic(intrinsics, size, near: float, far: float):
-    """The parallel projection `[4, 4]` of intrinsics `[4]`: pixels per unit and centre. Gradients: of the intrinsics."""
-    return _only(_native.orthographic(intrinsics, *_size(size), near, far))
-
-
-def distort(points, coefficients):
-    """Points `[V, 3]` before a camera as its lens bends them. Gradients: of points and coefficients."""
-    return _only(_native.distort(points, coefficients))
-
-
-def fisheye(points, coefficients):
-    """Points `[V, 3]` before a camera as a fisheye sees them. Gradients: of points and coefficients."""
-    return _only(_native.fisheye(points, coefficients))
-
-
-def transform_points(points, matrix):
-    """Points `[N, 3]` moved by a matrix `[4, 4]`. Gradients: of both."""
-    return _only(_native.transform_points(points, matrix))
-
-
-def transform_normals(normals, matrix):
-    """Normals `[N, 3]` of points that a matrix `[4, 4]` moves. Gradients: of both."""
-    return _only(_native.transform_normals(normals, matrix))
-
-
-def project_instances(positions, matrices, camera):
-    """Positions `[V, 3]` placed by each of `matrices` `[I, 4, 4]`, in clip space, `[I V, 4]`. Gradients: of all three."""
-    return _only(_native.project_instances(positions, matrices, _like(camera, positions)))
-
-
-def perturbed_normals(normals, tangents, values):
-    """Normals `[N, 3]` turned by the values `[N, 3]` of a normal map, along tangents `[N, 4]`. Gradients: of all three."""
-    return _only(_native.perturbed_normals(normals, tangents, values))
-
-
-def tangents(positions, normals, coordinates, mesh: Mesh, coordinates_mesh: Mesh | None = None):
-    """The tangents of texture coordinates, `[A, 4]`. Gradients: of positions, normals and coordinates."""
-    return _only(_native.tangents(positions, normals, coordinates, mesh, coordinates_mesh))
-
-
-def eye_depth(fragments: Fragments):
-    """w of each fragment, `[N]`: the distance along the view axis. Gradients: of barycentrics, clip positions, weights."""
-    return _only(_native.eye_depth(*fragments.arrays, fragments.coverage))
-
-
-def shade(normals, views, material, lights, *, positions=None, model: str = "metallic-roughness", conserves_energy: bool = False):
-    """The radiance of surfaces with `normals` `[N, 3]`, seen from `views` `[N, 3]` or `[3]`, in the light of `lights`: `[N, 3]`.
-
-    `material` are the arrays of `model`: "metallic-roughness" (base colour, roughness, metallic), "lambert" (colour), "phong"
-    or "blinn-phong" (colour, specular, exponent); each with a row for each fragment, or one for all. `lights` are tuples:
-    ("directional", direction, irradiance), ("point", position, intensity), which needs `positions`, or ("ambient", radiance).
-    Gradients: of normals, views, positions, three of the material, and two of each light.
-    """
-    material = [_like(values, normals) for values in material]
-    lights = [(kind, *[_like(values, normals) for values in arrays], *[None] * (2 - len(arrays))) for kind, *arrays in lights]
-    views, positions = [value if value is None else _like(value, normals) for value in (views, positions)]
-    return _only(_native.shade(normals, views, positions, material, model, lights, conserves_energy))
-
-
-def depth_of_field(
-    image, distances, aperture, focus, *, largest_sigma: float = 32.0, tolerance: float = 1e-3, blades: int | None = None,
-    rotation: float = 0.0,
-):
-    """An image `[H, W, C]` as a lens sees it, with the distance of each pixel, `[H, W]`.
-
-    `aperture` is the standard deviation in pixels of the blur at infinity, `focus` the distance that is sharp. The opening is
-    a disc for `blades=0`, or a polygon; by default blurs are Gaussian. Gradients: of image, distances, aperture and focus.
-    """
-    aperture, focus = _like(aperture, image), _like(focus, image)
-    return _only(
-        _native.depth_of_field(image, distances, aperture, focus, largest_sigma, tolerance, blades, rotation)
-    )
+def srgb_decode(y: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
+    """Linear numbers of sRGB ones. Gradients: of the input."""
+    return _only(_native.srgb_decode(y))

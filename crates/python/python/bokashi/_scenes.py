@@ -4,33 +4,38 @@ from __future__ import annotations
 
 import html
 import os
+import pathlib
 import sys
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Callable
+from typing import Any, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+
+Path = Union[str, os.PathLike[str]]
 
 
 class Picture(np.ndarray):
     """An image `[H, W, 3]` of `float32` from 0 to 1, as pixels stand for it. Notebooks show it."""
 
-    def __new__(cls, image):
+    def __new__(cls, image: ArrayLike) -> Picture:
         return np.asarray(image, np.float32).view(cls)
 
     def png(self) -> bytes:
         """The picture as a PNG."""
         return _native.encode_png(np.ascontiguousarray(self.view(np.ndarray)))
 
-    def save(self, path) -> None:
+    def save(self, path: Path) -> None:
         """Writes the picture as a PNG."""
         with open(path, "wb") as file:
             file.write(self.png())
 
-    def _repr_png_(self):
-        return self.png() if self.ndim == 3 and self.shape[2] == 3 else None
+    def _repr_png_(self) -> bytes | None:
+        return self.png() if self.ndim == 3 and self.shape[2] == 3 and self.size else None
 
 
 class Scene:
@@ -39,59 +44,72 @@ class Scene:
     `docs/scene.md` has the keys of the file.
     """
 
-    def __init__(self, native):
-        self._native = native
+    def __init__(self, native: _native.Scene) -> None:
+        self._scene = native
 
     @staticmethod
-    def open(path) -> Scene:
+    def open(path: Path) -> Scene:
         """The scene of the file at `path`; all its files lie in that file's folder."""
         return Scene(_native.Scene.open(os.fspath(path)))
 
     @property
     def views(self) -> list[str]:
         """The names of the views."""
-        return self._native.views
+        return self._scene.views
 
     @property
     def notes(self) -> list[str]:
         """What files hold that was left out or mended, in words."""
-        return self._native.notes
+        return self._scene.notes
 
     @property
-    def meshes(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def meshes(self) -> dict[str, tuple[NDArray[np.float32], NDArray[np.uint32]]]:
         """The meshes by name: positions `[V, 3]` and faces `[F, 3]`."""
-        return self._native.meshes
+        return self._scene.meshes
 
     def render(self, view: int | str = 0, *, reduce: int = 1) -> Picture:
         """A view as it is seen, by number or name, smaller `reduce` times along each axis."""
-        return Picture(self._native.render(view, reduce))
+        return Picture(self._scene.render(view, reduce))
 
     def fit(
-        self, callback: Callable[[Fit], object] | None = None, *, progress: bool = False, resume=None, steps: int | None = None
+        self, callback: Callable[[Any], object] | None = None, *, progress: bool = False, resume: Path | None = None,
+        steps: int | None = None,
     ) -> Fit:
         """Learns what the scene says, until its steps are done or one of its rules says stop.
 
-        `callback(fit)` is called after each step; where it returns `False` the fit stops. `progress` shows a bar: tqdm's,
-        where that is installed. Ctrl-C stops the fit between two steps and keeps it. `resume` is a file of `Fit.save`. No
-        more than `steps` steps are done in this call. The interpreter's lock is released while a step runs.
+        `callback(fit)` is called after each step; where it returns `False` the fit stops. `progress` shows a bar:
+        tqdm's, where that is installed. Ctrl-C stops the fit between two steps and keeps it: `interrupted` is then
+        true. `resume` is a file of `Fit.save`. No more than `steps` steps are done in this call; `Fit.run` goes on. The
+        interpreter's lock is released while a step runs.
         """
-        fit = Fit(self._native.begin(None if resume is None else os.fspath(resume)))
+        fit = Fit(self._scene.begin(None if resume is None else os.fspath(resume)))
         fit.run(callback, progress=progress, steps=steps)
         return fit
 
     def __repr__(self) -> str:
-        return repr(self._native)
+        return repr(self._scene)
 
 
 class _Run:
-    """A fit under way: `step` and `loss` of its last step, `losses` of all of this object's steps."""
+    """A fit under way: `step` and `loss` of its last step, `losses` and `milliseconds` of all of this object's steps.
 
-    def __init__(self):
+    `interrupted` says whether Ctrl-C stopped it.
+    """
+
+    _fit: _native.SceneFit | _native.Learning
+
+    def __init__(self) -> None:
         self.losses: list[float] = []
         self.milliseconds: list[float] = []
         self.interrupted = False
 
-    def run(self, callback=None, *, progress: bool = False, steps: int | None = None) -> None:
+    def _step(self) -> tuple[int, float, float] | None:
+        """A step: its number, loss and milliseconds; or none at the end."""
+        raise NotImplementedError
+
+    def run(
+        self, callback: Callable[[Any], object] | None = None, *, progress: bool = False, steps: int | None = None
+    ) -> None:
         """Goes on until a rule says stop: all steps are done, or `steps` more. Ctrl-C stops it between two steps.
 
         `callback(fit)` is called after each step; where it returns `False` the fit stops.
@@ -118,12 +136,12 @@ class _Run:
     @property
     def step(self) -> int:
         """How many steps are done."""
-        return self._native.steps_done
+        return self._fit.steps_done
 
     @property
     def steps(self) -> int:
         """How many steps there are."""
-        return self._native.steps
+        return self._fit.steps
 
     @property
     def loss(self) -> float:
@@ -131,9 +149,9 @@ class _Run:
         return self.losses[-1] if self.losses else float("nan")
 
     @property
-    def parameters(self) -> dict[str, np.ndarray]:
+    def parameters(self) -> dict[str, NDArray[Any]]:
         """What is learnt, by name."""
-        return self._native.parameters
+        return self._fit.parameters
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.step} of {self.steps} steps, loss {self.loss:.3e})"
@@ -145,47 +163,50 @@ class _Run:
 class Fit(_Run):
     """A fit of a scene: see `Scene.fit`."""
 
-    def __init__(self, native):
-        super().__init__()
-        self._native = native
+    _fit: _native.SceneFit
 
-    def _step(self):
-        return self._native.step()
+    def __init__(self, fit: _native.SceneFit) -> None:
+        super().__init__()
+        self._fit = fit
+
+    def _step(self) -> tuple[int, float, float] | None:
+        return self._fit.step()
 
     @property
     def ended(self) -> str | None:
         """The rule that ended the fit, in words, if one did before the last step."""
-        return self._native.ended
+        return self._fit.ended
 
     def learnt(self) -> Scene:
         """The scene with what was learnt in the place of its own numbers."""
-        return Scene(self._native.learnt())
+        return Scene(self._fit.learnt())
 
     def render(self, view: int | str = 0, *, reduce: int = 1) -> Picture:
         """A view as it is seen, by number or name, smaller `reduce` times along each axis."""
-        return Picture(self._native.render(view, reduce))
+        return Picture(self._fit.render(view, reduce))
 
     def score(self, view: int | str = 0) -> dict[str, float | None]:
         """How well a view is matched: "psnr" in decibels, "ssim", "silhouette_iou"; `None` where there is no number."""
-        return self._native.score(view)
+        return self._fit.score(view)
 
-    def save(self, path) -> None:
+    def save(self, path: Path) -> None:
         """Saves the fit to a file, from which `Scene.fit(resume=path)` goes on to the same bits."""
-        self._native.save(os.fspath(path))
+        self._fit.save(os.fspath(path))
 
-    def save_results(self, folder) -> list:
+    def save_results(self, folder: Path) -> list[pathlib.Path]:
         """Writes meshes, textures, cameras and pictures of what was learnt into a folder; returns their names."""
-        return self._native.save_results(os.fspath(folder))
+        return self._fit.save_results(os.fspath(folder))
 
 
 @dataclass
 class Parameter:
     """What a fit changes: where it starts, how fast it may move, and which numbers it may be.
 
-    `mapping` is "identity", "softplus" or "exp" (positive numbers), or "sigmoid" (from 0 to 1).
+    A number moves by about `rate` in a step of Adam. `mapping` is "identity", "softplus" or "exp" (positive numbers),
+    or "sigmoid" (from 0 to 1); the rate counts before it.
     """
 
-    start: np.ndarray
+    start: NDArray[Any]
     rate: float = 1e-2
     mapping: str = "identity"
 
@@ -193,29 +214,62 @@ class Parameter:
 class Learning(_Run):
     """A fit of a function of one's own: see `bokashi.fit`."""
 
-    def __init__(self, native, pipeline):
-        super().__init__()
-        self._native, self.pipeline = native, pipeline
-        self.ended: str | None = None
+    _fit: _native.Learning
 
-    def _step(self):
-        stepped = self._native.step(self.pipeline)
+    def __init__(self, fit: _native.Learning, pipeline: Pipeline) -> None:
+        super().__init__()
+        self._fit, self.pipeline = fit, pipeline
+        self.ended: str | None = None
+        # The native fit is locked while it calls the pipeline: whoever asks it then would wait for ever.
+        self._steps, self._done, self._is_stepping = fit.steps, fit.steps_done, False
+
+    def _step(self) -> tuple[int, float, float] | None:
+        if self._is_stepping:
+            raise RuntimeError("a fit does one step at a time, and was called from its own pipeline or another thread")
+        self._is_stepping = True
+        try:
+            stepped = self._fit.step(self.pipeline)
+            self._done = self._fit.steps_done
+        finally:
+            self._is_stepping = False
         if isinstance(stepped, str):
             self.ended = stepped
             return None
         return stepped
 
+    @property
+    def step(self) -> int:
+        """How many steps are done."""
+        return self._done
+
+    @property
+    def steps(self) -> int:
+        """How many steps there are."""
+        return self._steps
+
+    @property
+    def parameters(self) -> dict[str, NDArray[Any]]:
+        """What is learnt, by name. Not to be had while a step is under way: the pipeline is given it."""
+        if self._is_stepping:
+            raise RuntimeError("parameters can be had between two steps, and a step is under way")
+        return self._fit.parameters
+
+
+# Of a dictionary of arrays it returns a loss and a dictionary of gradients.
+Pipeline = Callable[[dict[str, NDArray[Any]]], tuple[float, dict[str, Any]]]
+
 
 def fit(
-    pipeline: Callable[[dict], tuple], parameters: dict[str, np.ndarray | Parameter], *, steps: int = 1000,
-    cosine: bool = False, floor: float = 0.0, loss_below: float | None = None, patience: int | None = None,
-    callback: Callable[[Learning], object] | None = None, progress: bool = False,
+    pipeline: Pipeline, parameters: Mapping[str, NDArray[Any] | Parameter], *, steps: int = 1000, cosine: bool = False,
+    floor: float = 0.0, loss_below: float | None = None, patience: int | None = None,
+    callback: Callable[[Any], object] | None = None, progress: bool = False,
 ) -> Learning:
     """Learns parameters by Adam: `pipeline(parameters)` returns a loss and a dictionary of gradients by name.
 
-    Parameters are arrays, or `Parameter`s with a rate and a mapping. With `cosine` rates fall along half a cosine to the
-    share `floor`. The fit stops after `steps`, where the loss is below `loss_below`, or where it found no new minimum for
-    `patience` steps. `callback` and `progress` are those of `Scene.fit`.
+    Parameters are arrays, or `Parameter`s with a rate and a mapping. With `cosine` rates fall along half a
+    cosine to the share `floor`. The fit stops after `steps`, where the loss is below `loss_below`, or where it found no
+    new minimum for `patience` steps: `ended` says why. These rules are asked before each update, so the pipeline is
+    called once more after the last step. `callback`, `progress` and Ctrl-C are as in `Scene.fit`.
 
     >>> import numpy as np
     >>> def distance(parameters):
@@ -260,7 +314,7 @@ def _curve(losses: list[float], width: int = 480, height: int = 160) -> str:
 class _Plain:
     """A line on the standard error, a few times a second."""
 
-    def __init__(self, fit: _Run):
+    def __init__(self, fit: _Run) -> None:
         self.fit, self.shown = fit, 0.0
 
     def update(self, loss: float) -> None:
@@ -274,7 +328,7 @@ class _Plain:
 
 
 class _Tqdm:
-    def __init__(self, fit: _Run, tqdm):
+    def __init__(self, fit: _Run, tqdm: Any) -> None:
         self.bar = tqdm(total=fit.steps, initial=fit.step, unit="step")
 
     def update(self, loss: float) -> None:
@@ -293,7 +347,7 @@ class _Silent:
         pass
 
 
-def _bar(fit: _Run, progress: bool):
+def _bar(fit: _Run, progress: bool) -> _Silent | _Plain | _Tqdm:
     if not progress:
         return _Silent()
     try:

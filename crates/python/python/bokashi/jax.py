@@ -17,8 +17,8 @@ fragments there are is not known: so `rasterize` works outside alone, and its fr
 or closed over. All others work inside too, also under `vmap`, one image after another. An argument with other fragments
 is compiled anew. `render` is a whole step, and works anywhere.
 
-A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their forward
-passes run again if they are needed after all. Second derivatives and `jvp` are refused.
+A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their
+forward passes run again if they are needed after all. Second derivatives and `jvp` are refused.
 """
 
 from __future__ import annotations
@@ -36,14 +36,16 @@ import numpy as np
 from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
-from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set_num_threads
+from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
 from . import Mesh as _Mesh
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "antialias_image", "depth", "differentials", "downsample", "exposure",
-    "face_normals", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "over",
-    "picture", "project", "rasterize", "reflect", "render", "sample_cube_map", "sample_texture", "set_num_threads",
-    "srgb_decode", "srgb_encode", "vertex_normals",
+    "Coverage", "Fragments", "Mesh", "RenderError", "affine_inverse", "antialias_image", "depth", "depth_of_field",
+    "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "gaussian_blur",
+    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
+    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid", "sample_cube_map",
+    "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents", "transform_normals",
+    "transform_points", "vertex_normals",
 ]
 
 # An array, or what becomes one of the type of the others.
@@ -100,7 +102,7 @@ def _to_numpy(arrays):
 
 
 def _call(function: Callable, expected: Any, arrays: Any) -> Any:
-    """A function of numpy arrays: at once where jax has numbers, else as a callback whose results are like `expected`."""
+    """A function of numpy arrays: at once where jax has numbers, else a callback with results like `expected`."""
     if not any(isinstance(array, jax.core.Tracer) for array in jax.tree.leaves(arrays)):
         return jax.tree.map(jnp.asarray, function(*_to_numpy(arrays)))
     if expected is None:
@@ -110,18 +112,23 @@ def _call(function: Callable, expected: Any, arrays: Any) -> Any:
     return jax.pure_callback(lambda *x: function(*_to_numpy(x)), expected, *arrays, vmap_method="sequential")
 
 
-def _expected(shapes: Callable | None, arrays: Any) -> tuple | None:
+def _expected(run: Callable, shapes: Callable | None, arrays: Any) -> tuple | None:
     """What the outputs will look like, where that is known."""
     if shapes is None:
         return None
     dtype = next(array.dtype for array in arrays if array is not None)
-    return tuple(jax.ShapeDtypeStruct(tuple(shape), dtype) for shape in shapes(*arrays))
+    try:
+        return tuple(jax.ShapeDtypeStruct(tuple(shape), dtype) for shape in shapes(*arrays))
+    except (IndexError, ValueError):
+        # An array has too many axes, or too few: the operation says which.
+        run(*(array if array is None else np.zeros(array.shape, array.dtype) for array in arrays))
+        raise
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 1))
 def _recorded(run: Callable, shapes: Callable | None, *arrays: Array | None) -> Any:
     """The outputs of a step: `run(*arrays)` returns them and its pull-back, `shapes(*arrays)` returns their shapes."""
-    return _call(lambda *x: tuple(run(*x)[0]), _expected(shapes, arrays), arrays)
+    return _call(lambda *x: tuple(run(*x)[0]), _expected(run, shapes, arrays), arrays)
 
 
 def _forward(run, shapes, *primals):
@@ -133,7 +140,7 @@ def _forward(run, shapes, *primals):
         size = sum(array.nbytes for array in (*x, *outputs) if array is not None)
         return tuple(outputs), _kept.put(pull_back, size)
 
-    expected = _expected(shapes, arrays)
+    expected = _expected(run, shapes, arrays)
     outputs, number = _call(forward, expected and (expected, jax.ShapeDtypeStruct((), np.uint32)), arrays)
     if not isinstance(number, jax.core.Tracer):
         weakref.finalize(number, _kept.take, int(number)).atexit = False
@@ -183,9 +190,21 @@ def _same(x, *_):
     return x.shape
 
 
+def _matrix(*_):
+    return 4, 4
+
+
+def _still(value, like):
+    """An array without a gradient."""
+    return value if value is None else jax.lax.stop_gradient(_array(value, like))
+
+
 def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, an array or a list."""
     return _Mesh(np.asarray(faces), vertex_count)
+
+
+# Cameras and poses.
 
 
 def project(
@@ -197,9 +216,80 @@ def project(
     return _only(_native.project, lambda x, *_: (x.shape[0], 4), positions, *more)
 
 
+def project_instances(positions: Array, matrices: Value, camera: Value) -> Array:
+    """As `bokashi.project_instances`."""
+    positions = _array(positions)
+
+    def shape(positions, matrices, _):
+        return matrices.shape[0] * positions.shape[0], 4
+
+    return _only(
+        _native.project_instances, shape, positions, _array(matrices, positions), _array(camera, positions)
+    )
+
+
+def pinhole(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
+    """As `bokashi.pinhole`."""
+    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), _matrix, _array(intrinsics))
+
+
+def orthographic(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
+    """As `bokashi.orthographic`."""
+    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), _matrix, _array(intrinsics))
+
+
+def distort(points: Array, coefficients: Value) -> Array:
+    """As `bokashi.distort`."""
+    points = _array(points)
+    return _only(_native.distort, _same, points, _array(coefficients, points))
+
+
+def fisheye(points: Array, coefficients: Value) -> Array:
+    """As `bokashi.fisheye`."""
+    points = _array(points)
+    return _only(_native.fisheye, _same, points, _array(coefficients, points))
+
+
+def rigid(rotation: Array, translation: Value) -> Array:
+    """As `bokashi.rigid`."""
+    rotation = _array(rotation)
+    return _only(_native.rigid, _matrix, rotation, _array(translation, rotation))
+
+
+def se3(increment: Array, fixed: Value) -> Array:
+    """As `bokashi.se3`."""
+    increment = _array(increment)
+
+    def run(increment, fixed):
+        outputs, pull_back = _native.se3(increment, fixed)
+        return outputs, lambda bar, wanted: (*pull_back(bar, wanted=wanted[:1]), None)
+
+    return _only(run, _matrix, increment, _still(fixed, increment))
+
+
+def affine_inverse(matrix: Array) -> Array:
+    """As `bokashi.affine_inverse`."""
+    return _only(_native.affine_inverse, _matrix, _array(matrix))
+
+
+def transform_points(points: Array, matrix: Value) -> Array:
+    """As `bokashi.transform_points`."""
+    points = _array(points)
+    return _only(_native.transform_points, _same, points, _array(matrix, points))
+
+
+def transform_normals(normals: Array, matrix: Value) -> Array:
+    """As `bokashi.transform_normals`."""
+    normals = _array(normals)
+    return _only(_native.transform_normals, _same, normals, _array(matrix, normals))
+
+
+# Fragments.
+
+
 def rasterize(
     clip: Array, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
-    creases: Sequence[Array | tuple[Array, _Mesh | None]] = (),
+    creases: Sequence[Array | tuple[Array, _Mesh | None]] = (), crease_tolerance: float = 2e-3,
 ) -> Fragments[Array]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`. Outside of `jit` alone."""
     clip = _array(clip)
@@ -210,7 +300,7 @@ def rasterize(
 
     def run(clip, *attributes):
         coverage, outputs, pull_back = _native.rasterize(
-            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes))
+            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes)), crease_tolerance=crease_tolerance
         )
         found.append(coverage)
         return outputs, pull_back
@@ -231,26 +321,6 @@ def interpolate(attributes: Array, fragments: Fragments[Array], mesh: _Mesh | No
     return _only(run, lambda x, *_: (len(coverage), x.shape[1]), attributes, *fragments.arrays)
 
 
-def depth(fragments: Fragments[Array]) -> Array:
-    """As `bokashi.depth`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.depth(*x, coverage)
-
-    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
-
-
-def differentials(fragments: Fragments[Array]) -> Array:
-    """As `bokashi.differentials`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.differentials(*x, coverage)
-
-    return _only(run, lambda *_: (len(coverage), 2, 2), *fragments.arrays)
-
-
 def interpolate_differentials(
     attributes: Array, fragments: Fragments[Array], differentials: Array, mesh: _Mesh | None = None
 ) -> Array:
@@ -264,9 +334,37 @@ def interpolate_differentials(
     return _only(run, lambda x, *_: (len(coverage), x.shape[1], 2), attributes, differentials, *fragments.arrays)
 
 
-def _image_shape(size: tuple[int, int], channels: int, reference: Any) -> tuple:
-    """That of an image, or with a reference of a loss."""
-    return (*size, channels) if reference is None else ()
+def differentials(fragments: Fragments[Array]) -> Array:
+    """As `bokashi.differentials`."""
+    coverage = fragments.coverage
+
+    def run(*x):
+        return _native.differentials(*x, coverage)
+
+    return _only(run, lambda *_: (len(coverage), 2, 2), *fragments.arrays)
+
+
+def depth(fragments: Fragments[Array]) -> Array:
+    """As `bokashi.depth`."""
+    coverage = fragments.coverage
+
+    def run(*x):
+        return _native.depth(*x, coverage)
+
+    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
+
+
+def eye_depth(fragments: Fragments[Array]) -> Array:
+    """As `bokashi.eye_depth`."""
+    coverage = fragments.coverage
+
+    def run(*x):
+        return _native.eye_depth(*x, coverage)
+
+    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
+
+
+# Pictures.
 
 
 def picture(
@@ -288,11 +386,6 @@ def picture(
     return _only(run, shape, *arrays)
 
 
-def _still(value, like):
-    """An array without a gradient."""
-    return value if value is None else jax.lax.stop_gradient(_array(value, like))
-
-
 def antialias_image(image: Array, fragments: Fragments[Array]) -> Array:
     """As `bokashi.antialias_image`."""
     coverage = fragments.coverage
@@ -304,10 +397,15 @@ def antialias_image(image: Array, fragments: Fragments[Array]) -> Array:
     return _only(run, _same, _array(image, clip), jax.lax.stop_gradient(barycentrics), clip, None)
 
 
+def _image_shape(size: tuple[int, int], channels: int, reference: Any) -> tuple:
+    """That of an image, or with a reference of a loss."""
+    return (*size, channels) if reference is None else ()
+
+
 def render(
     positions: Array, mesh: _Mesh, colors: Array, size: int | Sequence[int], *, camera: Value | None = None,
     background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
-    reference: Array | None = None,
+    reference: Array | None = None, crease_tolerance: float = 2e-3,
 ) -> Array:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
     height, width = _size(size)
@@ -315,13 +413,18 @@ def render(
 
     def run(*x):
         *most, reference = x
-        return _native.render(*most, mesh, height, width, color_mesh, cull, silhouettes, reference)
+        return _native.render(
+            *most, mesh, height, width, color_mesh, cull, silhouettes, reference, crease_tolerance
+        )
 
     def shape(*x):
         return _image_shape((height, width), x[2].shape[1], x[-1])
 
     arrays = [_array(value, positions) for value in (camera, colors, background)]
     return _only(run, shape, positions, *arrays, _still(reference, positions))
+
+
+# Textures.
 
 
 def mipmaps(texels: Array, coarsest: int | None = None) -> tuple[Array, ...]:
@@ -344,7 +447,7 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
     coordinates, level, differentials, bias = (
         _array(value, texels) for value in (coordinates, level, differentials, bias)
     )
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
@@ -380,6 +483,66 @@ def sample_cube_map(
     )
 
 
+# Normals and light.
+
+
+def face_normals(positions: Array, mesh: _Mesh) -> Array:
+    """As `bokashi.face_normals`."""
+    return _only(lambda x: _native.face_normals(x, mesh), lambda _: (len(mesh), 3), _array(positions))
+
+
+def vertex_normals(positions: Array, mesh: _Mesh, weighting: str = "angle") -> Array:
+    """As `bokashi.vertex_normals`."""
+    return _only(lambda x: _native.vertex_normals(x, mesh, weighting), _same, _array(positions))
+
+
+def tangents(
+    positions: Array, normals: Array, coordinates: Array, mesh: _Mesh, coordinates_mesh: _Mesh | None = None
+) -> Array:
+    """As `bokashi.tangents`."""
+    positions = _array(positions)
+
+    def run(positions, normals, coordinates):
+        return _native.tangents(positions, normals, coordinates, mesh, coordinates_mesh)
+
+    def shape(positions, normals, coordinates):
+        return coordinates.shape[0], 4
+
+    return _only(run, shape, positions, _array(normals, positions), _array(coordinates, positions))
+
+
+def perturbed_normals(normals: Array, tangents: Array, values: Array) -> Array:
+    """As `bokashi.perturbed_normals`."""
+    normals = _array(normals)
+    return _only(_native.perturbed_normals, _same, normals, _array(tangents, normals), _array(values, normals))
+
+
+def reflect(directions: Array, normals: Array) -> Array:
+    """As `bokashi.reflect`."""
+    directions = _array(directions)
+    return _only(_native.reflect, _same, directions, _array(normals, directions))
+
+
+def shade(
+    normals: Array, views: Value, material: Sequence[Value], lights: Sequence[tuple[Any, ...]], *,
+    positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
+) -> Array:
+    """As `bokashi.shade`."""
+    kinds, of_material, of_lights = _surface(material, lights)
+    normals = _array(normals)
+
+    def run(normals, views, positions, *arrays):
+        own = [values for values in arrays[:3] if values is not None]
+        shining = list(zip(kinds, arrays[3::2], arrays[4::2]))
+        return _native.shade(normals, views, positions, own, model, shining, conserves_energy)
+
+    arrays = [_array(values, normals) for values in (views, positions, *of_material, *of_lights)]
+    return _only(run, _same, normals, *arrays)
+
+
+# Images.
+
+
 def gaussian_blur(
     image: Array, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
     radius: int | None = None,
@@ -393,6 +556,19 @@ def gaussian_blur(
     return _only(run, _same, image, _array(sigma, image))
 
 
+def depth_of_field(
+    image: Array, distances: Array, aperture: Value, focus: Value, *, largest_sigma: float = 32.0,
+    tolerance: float = 1e-3, blades: int | None = None, rotation: float = 0.0,
+) -> Array:
+    """As `bokashi.depth_of_field`."""
+    image = _array(image)
+
+    def run(*x):
+        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
+
+    return _only(run, _same, image, *[_array(value, image) for value in (distances, aperture, focus)])
+
+
 def downsample(image: Array, factor: int) -> Array:
     """As `bokashi.downsample`."""
 
@@ -403,14 +579,20 @@ def downsample(image: Array, factor: int) -> Array:
     return _only(lambda x: _native.downsample(x, factor), shape, _array(image))
 
 
-def face_normals(positions: Array, mesh: _Mesh) -> Array:
-    """As `bokashi.face_normals`."""
-    return _only(lambda x: _native.face_normals(x, mesh), lambda _: (len(mesh), 3), _array(positions))
+def exposure(image: Array, stops: Value) -> Array:
+    """As `bokashi.exposure`."""
+    image = _array(image)
+
+    def shape(image, stops):
+        return np.broadcast_shapes(image.shape, stops.shape)
+
+    return _only(_native.exposure, shape, image, _array(stops, image))
 
 
-def vertex_normals(positions: Array, mesh: _Mesh, weighting: str = "angle") -> Array:
-    """As `bokashi.vertex_normals`."""
-    return _only(lambda x: _native.vertex_normals(x, mesh, weighting), _same, _array(positions))
+def over(front: Array, back: Array) -> Array:
+    """As `bokashi.over`."""
+    front = _array(front)
+    return _only(_native.over, _same, front, _array(back, front))
 
 
 def srgb_encode(x: Array) -> Array:
@@ -421,21 +603,3 @@ def srgb_encode(x: Array) -> Array:
 def srgb_decode(y: Array) -> Array:
     """As `bokashi.srgb_decode`."""
     return _only(_native.srgb_decode, _same, _array(y))
-
-
-def exposure(image: Array, stops: Value) -> Array:
-    """As `bokashi.exposure`."""
-    image = _array(image)
-    return _only(_native.exposure, _same, image, _array(stops, image))
-
-
-def over(front: Array, back: Array) -> Array:
-    """As `bokashi.over`."""
-    front = _array(front)
-    return _only(_native.over, _same, front, _array(back, front))
-
-
-def reflect(directions: Array, normals: Array) -> Array:
-    """As `bokashi.reflect`."""
-    directions = _array(directions)
-    return _only(_native.reflect, _same, directions, _array(normals, directions))

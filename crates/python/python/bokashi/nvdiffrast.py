@@ -1,7 +1,7 @@
 """A stand-in for `nvdiffrast.torch` that runs on any CPU: `import bokashi.nvdiffrast as dr`.
 
-Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u, v,
-z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
+Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u,
+v, z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
 
 >>> import torch, bokashi.nvdiffrast as dr
 >>> context = dr.RasterizeCudaContext()
@@ -14,8 +14,9 @@ z/w, triangle id + 1), derivatives are per pixel. A program runs with its import
 >>> image.shape, pos.grad.shape
 (torch.Size([1, 8, 8, 3]), torch.Size([1, 3, 4]))
 
-What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an error,
-antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their index.
+What differs is written down in `docs/from-nvdiffrast.md`: results are the same bits on every run, wrong input is an
+error, antialiasing never leaves the range of the pixels that it mixes, and faces of equal depth are ordered by their
+index.
 """
 
 from __future__ import annotations
@@ -72,19 +73,30 @@ def set_log_level(level: int) -> None:
 _log_level = [1]
 
 
+def _version(tensor: Tensor) -> int | None:
+    """How often a tensor was changed, or nothing where torch does not count that."""
+    return None if tensor.is_inference() else tensor._version
+
+
 class _Cache:
-    """Values that belong to tensors: not on them, so that they can be saved, and gone with them."""
+    """Values that belong to tensors: not on them, so that they can be saved, and gone with them.
+
+    Several threads may ask at once: at worst a value is made twice.
+    """
 
     def __init__(self) -> None:
         self.known: dict[int, tuple[Any, int, dict]] = {}
 
     def get(self, tensor: Tensor, key: Any, make: Callable[[], Any]) -> Any:
         """The value of a tensor as it is now, made where it is not known."""
+        version = _version(tensor)
+        if version is None:
+            return make()
         known = self.known.get(id(tensor))
-        if known is None or known[0]() is not tensor or known[1] != tensor._version:
+        if known is None or known[0]() is not tensor or known[1] != version:
             name = id(tensor)
             reference = weakref.ref(tensor, lambda _: self.known.pop(name, None))
-            known = self.known[name] = (reference, tensor._version, {})
+            known = self.known[name] = (reference, version, {})
         values = known[2]
         if key not in values:
             values[key] = make()
@@ -135,13 +147,15 @@ class _Images:
 
     def __init__(self, pos: Tensor, tri: Tensor, ranges: Tensor | None = None) -> None:
         positions = _to_array(pos)
-        self.pos, self.version = weakref.ref(pos), pos._version
+        self.pos, self.version = weakref.ref(pos), _version(pos)
         if positions.ndim == 3 and ranges is None and positions.shape[2] == 4:
             self.mesh = _mesh(tri, positions.shape[1])
             self.clips = list(_upside_down(positions))
             self.parts = [(self.mesh, 0)] * len(self.clips)
         elif positions.ndim == 2 and ranges is not None and positions.shape[1] == 4:
             _require("ranges", ranges, "N", 2)
+            if ranges.is_floating_point():
+                raise RenderError(f"ranges need whole numbers, got {ranges.dtype}")
             self.mesh = _mesh(tri, positions.shape[0])
             starts = [(int(start), int(count)) for start, count in ranges.tolist()]
             if any(start < 0 or count < 0 for start, count in starts):
@@ -166,9 +180,9 @@ class _Images:
         total[..., 1] *= -1
         return torch.from_numpy(total)
 
-    def are_at(self, pos) -> bool:
+    def are_at(self, pos: Tensor) -> bool:
         """Whether the positions are those that were drawn."""
-        if self.pos() is pos and self.version == pos._version:
+        if self.pos() is pos and self.version is not None and self.version == _version(pos):
             return True
         given = _to_array(pos)
         if given.ndim != (2 if self.is_shared else 3) or len(self.clips) == 0:
@@ -189,7 +203,7 @@ class _Rasterize(torch.autograd.Function):
             found.append(coverage)
             ctx.pulls.append((coverage, pull_back))
             rasts.append(torch.from_numpy(coverage.dense(uv, depth, first)))
-            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(-1, 4))))
+            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(len(slopes), 4))))
         ctx.set_materialize_grads(False)
         return _stack(rasts), _stack(derivatives)
 
@@ -203,41 +217,46 @@ class _Rasterize(torch.autograd.Function):
                 # z/w and the id have no gradient.
                 uv_bar = np.ascontiguousarray(coverage.gather(_to_array(rast_bar[k]))[:, :2])
             if db_bar is not None and ctx.grad_db:
-                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(-1, 2, 2)
+                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(len(coverage), 2, 2)
             bars.append(pull_back(uv_bar, None, slopes_bar)[0])
         return ctx.images.add_up(bars), None, None, None, None, None
 
 
 def _stack(images: list[Tensor]) -> Tensor:
     """Images in one array; that of a single image is not copied."""
+    if not images:
+        raise RenderError("a batch needs at least one image, got none")
     return images[0][None] if len(images) == 1 else torch.stack(images)
 
 
 def _rasterize(
     pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None, grad_db: bool,
     fronts: list[Coverage] | None = None,
-) -> tuple[Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, list[Coverage]]:
+    """What `rasterize` returns, and the coverage of each image."""
     images = _Images(pos, tri, ranges)
     found: list[Coverage] = []
     rast, rast_db = _Rasterize.apply(pos, images, tuple(resolution), grad_db, fronts, found)
     _coverages.get(rast, "drawn", lambda: (images, found))
-    return rast, rast_db
+    return rast, rast_db, found
 
 
+@torch.compiler.disable
 def rasterize(
     glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None, grad_db: bool = True
 ) -> tuple[Tensor, Tensor]:
     """`rast` `[N, H, W, 4]`, (u, v, z/w, triangle id + 1), and `rast_db` `[N, H, W, 4]`, (du/dX, du/dY, dv/dX, dv/dY).
 
-    `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u and v,
-    and with `grad_db` from the derivatives.
+    `pos` is `[N, V, 4]`, or `[V, 4]` with `ranges` `[N, 2]` of first triangle and count. Gradients go to `pos` from u
+    and v, and with `grad_db` from the derivatives.
     """
     del glctx
-    return _rasterize(pos, tri, resolution, ranges, grad_db)
+    rast, rast_db, _ = _rasterize(pos, tri, resolution, ranges, grad_db)
+    return rast, rast_db
 
 
 class DepthPeeler:
-    """Layer after layer of what lies behind a pixel: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
+    """Layer after layer of what a pixel hides: `with DepthPeeler(..) as peeler: peeler.rasterize_next_layer()`."""
 
     def __init__(
         self, glctx: Any, pos: Tensor, tri: Tensor, resolution: Sequence[int], ranges: Tensor | None = None,
@@ -253,10 +272,10 @@ class DepthPeeler:
     def __exit__(self, *args: object) -> None:
         self.fronts = None
 
+    @torch.compiler.disable
     def rasterize_next_layer(self) -> tuple[Tensor, Tensor]:
         """`rast` and `rast_db` of the next layer, as `rasterize` has them."""
-        rast, rast_db = _rasterize(*self.call, self.fronts)
-        _, self.fronts = _drawn(rast)
+        rast, rast_db, self.fronts = _rasterize(*self.call, self.fronts)
         return rast, rast_db
 
 
@@ -266,8 +285,7 @@ def _drawn(rast: Tensor) -> Any:
 
 
 def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
-    """The coverage of each image, with its part of a mesh: that of `rasterize`, or where the tensor is another one, that of
-    its ids."""
+    """The coverage of each image, with its part of a mesh: that of `rasterize`, or of another tensor's ids."""
     drawn = _drawn(rast)
     if drawn is not None:
         images, found = drawn
@@ -299,9 +317,9 @@ class _Interpolate(torch.autograd.Function):
             pull_slopes = None
             if which is not None:
                 chosen = np.ascontiguousarray(own[:, which])
-                db = coverage.gather(slopes[k]).reshape(-1, 2, 2)
+                db = coverage.gather(slopes[k]).reshape(len(coverage), 2, 2)
                 (moved,), pull_slopes = _native.interpolate_differentials(chosen, db, uv, clip, None, coverage, mesh)
-                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), -1))))
+                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), 2 * len(which)))))
             ctx.pulls.append((pull, pull_slopes))
         ctx.set_materialize_grads(False)
         if which is None:
@@ -332,20 +350,21 @@ class _Interpolate(torch.autograd.Function):
                     rast_bar[:, :2] = uv_bar
                     rast_bars.append(torch.from_numpy(coverage.scatter(rast_bar)))
             if da_bar is not None and pull_slopes is not None:
-                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), -1, 2)
+                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), len(ctx.which), 2)
                 more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
                 if own is not None and more is not None:
                     # One by one: an attribute may be chosen twice.
                     for column, attribute in enumerate(ctx.which):
                         own[:, attribute] += more[:, column]
                 if wants_db:
-                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(-1, 4))))
+                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(len(db_bar), 4))))
         return (
             _to_tensor(attr_bar), _stack(rast_bars) if rast_bars else None, _stack(db_bars) if db_bars else None,
             None, None,
         )
 
 
+@torch.compiler.disable
 def interpolate(
     attr: Tensor, rast: Tensor, tri: Tensor, rast_db: Tensor | None = None,
     diff_attrs: Sequence[int] | str | None = None,
@@ -386,9 +405,9 @@ class _Texture(torch.autograd.Function):
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
-            places = coordinates[k].reshape(-1, axes)
+            places = coordinates[k].reshape(height * width, axes)
             at_level = bias[k].reshape(-1) if bias is not None else None
-            footprints = slopes[k].reshape(-1, axes, 2) if slopes is not None else None
+            footprints = slopes[k].reshape(height * width, axes, 2) if slopes is not None else None
             if is_cube:
                 # Where nothing is seen there is no direction: any will do, without a gradient.
                 nowhere = ~places.any(1)
@@ -399,9 +418,9 @@ class _Texture(torch.autograd.Function):
                 places, None if footprints is not None else at_level, footprints,
                 at_level if footprints is not None else None, own, **sampler, mipmaps=makes_mipmaps,
             )
-            outs.append(torch.from_numpy(values.reshape(height, width, -1)))
+            outs.append(torch.from_numpy(values.reshape(height, width, values.shape[1])))
             ctx.pulls.append((pull, nowhere if is_cube else None))
-        ctx.has = slopes is not None, bias is not None
+        ctx.has, ctx.axes = (slopes is not None, bias is not None), axes
         ctx.set_materialize_grads(False)
         return _stack(outs)
 
@@ -413,22 +432,24 @@ class _Texture(torch.autograd.Function):
         wants_uv, wants_level, wants_da, _, _, *wants_texels = ctx.needs_input_grad
         has_da, _ = ctx.has
         uv_bars, level_bars, da_bars = [], [], []
-        texel_bars = [np.zeros(shape, out_bar.numpy().dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
-        images, height, width, _ = out_bar.shape
+        dtype = out_bar.numpy().dtype
+        texel_bars = [np.zeros(shape, dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
+        images, height, width, channels = out_bar.shape
         for k, (pull, nowhere) in enumerate(ctx.pulls):
-            bar = _to_array(out_bar[k]).reshape(height * width, -1)
+            bar = _to_array(out_bar[k]).reshape(height * width, channels)
             wanted = (
                 wants_uv, wants_level and not has_da, wants_da, wants_level and has_da, *wants_texels,
             )
             uv_bar, level_bar, da_bar, bias_bar, *more = pull(bar, wanted=wanted)
-            for bars, own, axes in (
-                (uv_bars, uv_bar, -1), (level_bars, bias_bar if has_da else level_bar, None), (da_bars, da_bar, -1)
+            axes = ctx.axes
+            for bars, own, of_pixel in (
+                (uv_bars, uv_bar, (axes,)), (level_bars, bias_bar if has_da else level_bar, ()),
+                (da_bars, da_bar, (2 * axes,)),
             ):
                 if own is not None:
                     if nowhere is not None:
                         own[nowhere] = 0
-                    shape = (height, width) if axes is None else (height, width, -1)
-                    bars.append(torch.from_numpy(own.reshape(shape)))
+                    bars.append(torch.from_numpy(own.reshape(height, width, *of_pixel)))
             for texel_bar, own in zip(texel_bars, more):
                 if texel_bar is not None and own is not None:
                     texel_bar[min(k, len(texel_bar) - 1)] += own
@@ -445,6 +466,7 @@ class _Mipmaps:
         self.levels = levels
 
 
+@torch.compiler.disable
 def texture_construct_mip(tex: Tensor, max_mip_level: int | None = None, cube_mode: bool = False) -> _Mipmaps:
     """The coarser levels of a texture `[N, H, W, C]`, or with `cube_mode` `[N, 6, H, W, C]`, for `texture`'s `mip`."""
     del cube_mode
@@ -459,15 +481,17 @@ _FILTERS = {
 }
 
 
+@torch.compiler.disable
 def texture(
     tex: Tensor, uv: Tensor, uv_da: Tensor | None = None, mip_level_bias: Tensor | None = None,
     mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
     max_mip_level: int | None = None,
 ) -> Tensor:
-    """Samples of `tex` `[N, H, W, C]`, or for `boundary_mode="cube"` `[N, 6, S, S, C]`, at `uv` `[N, H, W, 2]` (3): `[N, H, W, C]`.
+    """Samples of `tex` `[N, H, W, C]` at `uv` `[N, H, W, 2]`, or for cube maps of `[N, 6, S, S, C]` at `[N, H, W, 3]`.
 
-    `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or "linear-mipmap-linear"; `boundary_mode` "wrap",
-    "clamp", "zero" or "cube". `mip` are levels of `texture_construct_mip`, or a list of one's own.
+    Returns `[N, H, W, C]`. `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or
+    "linear-mipmap-linear", `boundary_mode` "wrap", "clamp", "zero" or "cube". `mip` are levels of
+    `texture_construct_mip`, or a list of one's own.
     """
     has_detail = uv_da is not None or mip_level_bias is not None
     if filter_mode == "auto":
@@ -499,6 +523,7 @@ def texture(
     return _Texture.apply(uv, *detail, sampler, uses_levels and mip is None, *levels)
 
 
+@torch.compiler.disable
 def antialias_construct_topology_hash(tri: Tensor) -> Any:
     """The neighbours of faces: they are found once per index buffer in any case."""
     return tri
@@ -535,10 +560,11 @@ class _Antialias(torch.autograd.Function):
         return _stack(color_bars) if wants_color else None, pos_bar, None, None, None
 
 
+@torch.compiler.disable
 def antialias(
     color: Tensor, rast: Tensor, pos: Tensor, tri: Tensor, topology_hash: Any = None, pos_gradient_boost: float = 1.0
 ) -> Tensor:
-    """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased. Gradients of `pos` are multiplied by the boost."""
+    """`color` `[N, H, W, C]` with the silhouettes of `tri` antialiased; the boost multiplies gradients of `pos`."""
     del topology_hash
     _require("color", color, *rast.shape[:3], "C")
     _require("pos", pos, *(("V", 4) if pos.dim() == 2 else (rast.shape[0], "V", 4)))

@@ -1,7 +1,7 @@
 """The operations of `bokashi` on CPU tensors of torch, with gradients.
 
-Surface first: `rasterize` gives the covered samples alone, `[N, ..]`; what is computed on them is ordinary torch; `picture`
-makes the image. `render` and `Renderer` are a whole step in one call, which is fastest.
+Surface first: `rasterize` gives the covered samples alone, `[N, ..]`; what is computed on them is ordinary torch;
+`picture` makes the image. `render` and `Renderer` are a whole step in one call, which is fastest.
 
 >>> import torch, bokashi.torch as bt
 >>> mesh = bt.Mesh(torch.tensor([[0, 1, 2]]), 3)
@@ -26,7 +26,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from . import Coverage, Fragments, RenderError, _native, _size, num_threads, set_num_threads
+from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
 from . import Mesh as _Mesh
 
 __all__ = [
@@ -47,6 +47,8 @@ def _to_array(tensor: Tensor | None) -> Any:
     """The numbers of a tensor, not copied unless it is not contiguous."""
     if tensor is None:
         return None
+    if not isinstance(tensor, Tensor):
+        raise TypeError(f"bokashi.torch needs tensors, got {type(tensor).__name__}")
     if tensor.device.type != "cpu":
         raise RenderError(f"bokashi runs on a CPU and needs tensors that are there, got one on {tensor.device}")
     return tensor.detach().contiguous().numpy()
@@ -89,9 +91,19 @@ def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
     return value if value is None or isinstance(value, torch.Tensor) else torch.as_tensor(value, dtype=tensor.dtype)
 
 
+def _still(name: str, tensor: Tensor | None) -> Any:
+    """The numbers of a tensor that gets no gradient. One that asks for it is refused, not left without in silence."""
+    if isinstance(tensor, Tensor) and tensor.requires_grad and torch.is_grad_enabled():
+        raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
+    return _to_array(tensor)
+
+
 def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, a tensor or an array of int32 or int64."""
-    return _Mesh(faces.numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
+    return _Mesh(_to_array(faces) if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
+
+
+# Cameras and poses.
 
 
 def project(
@@ -102,10 +114,63 @@ def project(
     return _only(_native.project, positions, _like(camera, positions), *optional)
 
 
+def project_instances(positions: Tensor, matrices: Value, camera: Value) -> Tensor:
+    """As `bokashi.project_instances`."""
+    return _only(_native.project_instances, positions, _like(matrices, positions), _like(camera, positions))
+
+
+def pinhole(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
+    """As `bokashi.pinhole`."""
+    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), intrinsics)
+
+
+def orthographic(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
+    """As `bokashi.orthographic`."""
+    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), intrinsics)
+
+
+def distort(points: Tensor, coefficients: Value) -> Tensor:
+    """As `bokashi.distort`."""
+    return _only(_native.distort, points, _like(coefficients, points))
+
+
+def fisheye(points: Tensor, coefficients: Value) -> Tensor:
+    """As `bokashi.fisheye`."""
+    return _only(_native.fisheye, points, _like(coefficients, points))
+
+
+def rigid(rotation: Tensor, translation: Value) -> Tensor:
+    """As `bokashi.rigid`."""
+    return _only(_native.rigid, rotation, _like(translation, rotation))
+
+
+def se3(increment: Tensor, fixed: Value) -> Tensor:
+    """As `bokashi.se3`."""
+    pose = _still("fixed", _like(fixed, increment))
+    return _only(lambda x: _native.se3(x, pose), increment)
+
+
+def affine_inverse(matrix: Tensor) -> Tensor:
+    """As `bokashi.affine_inverse`."""
+    return _only(_native.affine_inverse, matrix)
+
+
+def transform_points(points: Tensor, matrix: Value) -> Tensor:
+    """As `bokashi.transform_points`."""
+    return _only(_native.transform_points, points, _like(matrix, points))
+
+
+def transform_normals(normals: Tensor, matrix: Value) -> Tensor:
+    """As `bokashi.transform_normals`."""
+    return _only(_native.transform_normals, normals, _like(matrix, normals))
+
+
+# Fragments.
+
+
 def rasterize(
     clip: Tensor, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
-    creases: Sequence[Tensor | tuple[Tensor, _Mesh | None]] = (),
-    crease_tolerance: float = 2e-3,
+    creases: Sequence[Tensor | tuple[Tensor, _Mesh | None]] = (), crease_tolerance: float = 2e-3,
 ) -> Fragments[Tensor]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
     height, width = _size(size)
@@ -134,24 +199,6 @@ def interpolate(attributes: Tensor, fragments: Fragments[Tensor], mesh: _Mesh | 
     return _only(run, attributes, *fragments.arrays)
 
 
-def depth(fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.depth`."""
-
-    def run(*x):
-        return _native.depth(*x, fragments.coverage)
-
-    return _only(run, *fragments.arrays)
-
-
-def differentials(fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.differentials`."""
-
-    def run(*x):
-        return _native.differentials(*x, fragments.coverage)
-
-    return _only(run, *fragments.arrays)
-
-
 def interpolate_differentials(
     attributes: Tensor, fragments: Fragments[Tensor], differentials: Tensor, mesh: _Mesh | None = None
 ) -> Tensor:
@@ -164,35 +211,50 @@ def interpolate_differentials(
     return _only(run, attributes, differentials, *fragments.arrays)
 
 
+def differentials(fragments: Fragments[Tensor]) -> Tensor:
+    """As `bokashi.differentials`."""
+
+    def run(*x):
+        return _native.differentials(*x, fragments.coverage)
+
+    return _only(run, *fragments.arrays)
+
+
+def depth(fragments: Fragments[Tensor]) -> Tensor:
+    """As `bokashi.depth`."""
+
+    def run(*x):
+        return _native.depth(*x, fragments.coverage)
+
+    return _only(run, *fragments.arrays)
+
+
+def eye_depth(fragments: Fragments[Tensor]) -> Tensor:
+    """As `bokashi.eye_depth`."""
+
+    def run(*x):
+        return _native.eye_depth(*x, fragments.coverage)
+
+    return _only(run, *fragments.arrays)
+
+
+# Pictures.
+
+
 def picture(
     values: Tensor, fragments: Fragments[Tensor], background: Value | None = None, *, antialias: bool = True,
     reference: Tensor | None = None,
 ) -> Tensor:
     """As `bokashi.picture`: an image, or with a `reference` a loss."""
     coverage = fragments.coverage
-    reference = _to_array(reference)
+    target = _still("reference", reference)
 
     def run(*x):
-        return _native.picture(*x, coverage, antialias, reference)
+        return _native.picture(*x, coverage, antialias, target)
 
     # The reference is the last input, without a gradient.
     tensors = values, _like(background, values), *fragments.arrays
-    return _only(_with_spare(run, reference), *tensors)
-
-
-def _with_spare(run: Callable, *spare: Any) -> Callable:
-    """A step with further inputs that have no gradient."""
-
-    def run_with(*arrays):
-        outputs, pull_back = run(*arrays)
-        more = (False,) * len(spare)
-
-        def pull(*upstream, wanted):
-            return pull_back(*upstream, wanted=(*wanted, *more))[: len(wanted)]
-
-        return outputs, pull
-
-    return run_with
+    return _only(_with_spare(run, target), *tensors)
 
 
 def antialias_image(image: Tensor, fragments: Fragments[Tensor]) -> Tensor:
@@ -212,6 +274,21 @@ def antialias_image(image: Tensor, fragments: Fragments[Tensor]) -> Tensor:
     return _only(run, image, clip, barycentrics.detach())
 
 
+def _with_spare(run: Callable, *spare: Any) -> Callable:
+    """A step with further inputs that have no gradient."""
+
+    def run_with(*arrays):
+        outputs, pull_back = run(*arrays)
+        more = (False,) * len(spare)
+
+        def pull(*upstream, wanted):
+            return pull_back(*upstream, wanted=(*wanted, *more))[: len(wanted)]
+
+        return outputs, pull
+
+    return run_with
+
+
 def render(
     positions: Tensor, mesh: _Mesh, colors: Tensor, size: int | Sequence[int], *, camera: Value | None = None,
     background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
@@ -219,15 +296,15 @@ def render(
 ) -> Tensor:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
     height, width = _size(size)
-    reference = _to_array(reference)
+    target = _still("reference", reference)
 
     def run(*x):
         return _native.render(
-            *x, mesh, height, width, color_mesh, cull, silhouettes, reference, crease_tolerance
+            *x, mesh, height, width, color_mesh, cull, silhouettes, target, crease_tolerance
         )
 
     tensors = positions, _like(camera, positions), colors, _like(background, positions)
-    return _only(_with_spare(run, reference), *tensors)
+    return _only(_with_spare(run, target), *tensors)
 
 
 class Renderer(torch.nn.Module):
@@ -242,11 +319,11 @@ class Renderer(torch.nn.Module):
 
     def __init__(
         self, mesh: _Mesh, size: int | Sequence[int], *, color_mesh: _Mesh | None = None, cull: str = "none",
-        silhouettes: str = "exact",
+        silhouettes: str = "exact", crease_tolerance: float = 2e-3,
     ) -> None:
         super().__init__()
         self.mesh, self.size, self.color_mesh = mesh, _size(size), color_mesh
-        self.cull, self.silhouettes = cull, silhouettes
+        self.cull, self.silhouettes, self.crease_tolerance = cull, silhouettes, crease_tolerance
 
     def forward(
         self, positions: Tensor, colors: Tensor, camera: Value | None = None, background: Value | None = None,
@@ -256,10 +333,14 @@ class Renderer(torch.nn.Module):
         return render(
             positions, self.mesh, colors, self.size, camera=camera, background=background, color_mesh=self.color_mesh,
             cull=self.cull, silhouettes=self.silhouettes, reference=reference,
+            crease_tolerance=self.crease_tolerance,
         )
 
     def extra_repr(self) -> str:
         return f"{self.mesh!r}, size={self.size}, cull={self.cull!r}, silhouettes={self.silhouettes!r}"
+
+
+# Textures.
 
 
 def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
@@ -267,10 +348,14 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
     return _record(lambda texels: _native.mipmaps(texels, coarsest), texels)
 
 
-def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
+def _sample(
+    function: Callable, texels: Tensor, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
+    bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
+    mips: Sequence[Tensor] | None,
+) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
-    makes_mipmaps = mips is None and (level is not None or differentials is not None)
+    makes_mipmaps = _detail(level, differentials, bias) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
@@ -302,21 +387,7 @@ def sample_cube_map(
     )
 
 
-def gaussian_blur(
-    image: Tensor, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
-    radius: int | None = None,
-) -> Tensor:
-    """As `bokashi.gaussian_blur`."""
-
-    def run(image, sigma):
-        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
-
-    return _only(run, image, _like(sigma, image))
-
-
-def downsample(image: Tensor, factor: int) -> Tensor:
-    """As `bokashi.downsample`."""
-    return _only(lambda x: _native.downsample(x, factor), image)
+# Normals and light.
 
 
 def face_normals(positions: Tensor, mesh: _Mesh) -> Tensor:
@@ -329,14 +400,72 @@ def vertex_normals(positions: Tensor, mesh: _Mesh, weighting: str = "angle") -> 
     return _only(lambda x: _native.vertex_normals(x, mesh, weighting), positions)
 
 
-def srgb_encode(x: Tensor) -> Tensor:
-    """As `bokashi.srgb_encode`."""
-    return _only(_native.srgb_encode, x)
+def tangents(
+    positions: Tensor, normals: Tensor, coordinates: Tensor, mesh: _Mesh, coordinates_mesh: _Mesh | None = None
+) -> Tensor:
+    """As `bokashi.tangents`."""
+
+    def run(positions, normals, coordinates):
+        return _native.tangents(positions, normals, coordinates, mesh, coordinates_mesh)
+
+    return _only(run, positions, normals, coordinates)
 
 
-def srgb_decode(y: Tensor) -> Tensor:
-    """As `bokashi.srgb_decode`."""
-    return _only(_native.srgb_decode, y)
+def perturbed_normals(normals: Tensor, tangents: Tensor, values: Tensor) -> Tensor:
+    """As `bokashi.perturbed_normals`."""
+    return _only(_native.perturbed_normals, normals, tangents, values)
+
+
+def reflect(directions: Tensor, normals: Tensor) -> Tensor:
+    """As `bokashi.reflect`."""
+    return _only(_native.reflect, directions, normals)
+
+
+def shade(
+    normals: Tensor, views: Value, material: Sequence[Value], lights: Sequence[tuple[Any, ...]], *,
+    positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
+) -> Tensor:
+    """As `bokashi.shade`."""
+    kinds, of_material, of_lights = _surface(material, lights)
+
+    def run(normals, views, positions, *arrays):
+        own = [values for values in arrays[:3] if values is not None]
+        shining = list(zip(kinds, arrays[3::2], arrays[4::2]))
+        return _native.shade(normals, views, positions, own, model, shining, conserves_energy)
+
+    return _only(run, normals, *[_like(values, normals) for values in (views, positions, *of_material, *of_lights)])
+
+
+# Images.
+
+
+def gaussian_blur(
+    image: Tensor, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
+    radius: int | None = None,
+) -> Tensor:
+    """As `bokashi.gaussian_blur`."""
+
+    def run(image, sigma):
+        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
+
+    return _only(run, image, _like(sigma, image))
+
+
+def depth_of_field(
+    image: Tensor, distances: Tensor, aperture: Value, focus: Value, *, largest_sigma: float = 32.0,
+    tolerance: float = 1e-3, blades: int | None = None, rotation: float = 0.0,
+) -> Tensor:
+    """As `bokashi.depth_of_field`."""
+
+    def run(*x):
+        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
+
+    return _only(run, image, distances, _like(aperture, image), _like(focus, image))
+
+
+def downsample(image: Tensor, factor: int) -> Tensor:
+    """As `bokashi.downsample`."""
+    return _only(lambda x: _native.downsample(x, factor), image)
 
 
 def exposure(image: Tensor, stops: Value) -> Tensor:
@@ -349,99 +478,11 @@ def over(front: Tensor, back: Tensor) -> Tensor:
     return _only(_native.over, front, back)
 
 
-def reflect(directions: Tensor, normals: Tensor) -> Tensor:
-    """As `bokashi.reflect`."""
-    return _only(_native.reflect, directions, normals)
+def srgb_encode(x: Tensor) -> Tensor:
+    """As `bokashi.srgb_encode`."""
+    return _only(_native.srgb_encode, x)
 
 
-def affine_inverse(matrix):
-    """As `bokashi.affine_inverse`."""
-    return _only(_native.affine_inverse, matrix)
-
-
-def rigid(rotation, translation):
-    """As `bokashi.rigid`."""
-    return _only(_native.rigid, rotation, translation)
-
-
-def se3(increment, fixed):
-    """As `bokashi.se3`."""
-    fixed = _to_array(_like(fixed, increment))
-    return _only(lambda x: _native.se3(x, fixed), increment)
-
-
-def pinhole(intrinsics, size, near: float, far: float):
-    """As `bokashi.pinhole`."""
-    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), intrinsics)
-
-
-def orthographic(intrinsics, size, near: float, far: float):
-    """As `bokashi.orthographic`."""
-    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), intrinsics)
-
-
-def distort(points, coefficients):
-    """As `bokashi.distort`."""
-    return _only(_native.distort, points, coefficients)
-
-
-def fisheye(points, coefficients):
-    """As `bokashi.fisheye`."""
-    return _only(_native.fisheye, points, coefficients)
-
-
-def transform_points(points, matrix):
-    """As `bokashi.transform_points`."""
-    return _only(_native.transform_points, points, matrix)
-
-
-def transform_normals(normals, matrix):
-    """As `bokashi.transform_normals`."""
-    return _only(_native.transform_normals, normals, matrix)
-
-
-def project_instances(positions, matrices, camera):
-    """As `bokashi.project_instances`."""
-    return _only(_native.project_instances, positions, matrices, _like(camera, positions))
-
-
-def perturbed_normals(normals, tangents, values):
-    """As `bokashi.perturbed_normals`."""
-    return _only(_native.perturbed_normals, normals, tangents, values)
-
-
-def tangents(positions, normals, coordinates, mesh: _Mesh, coordinates_mesh: _Mesh | None = None):
-    """As `bokashi.tangents`."""
-    return _only(lambda *x: _native.tangents(*x, mesh, coordinates_mesh), positions, normals, coordinates)
-
-
-def eye_depth(fragments: Fragments):
-    """As `bokashi.eye_depth`."""
-    return _only(lambda *x: _native.eye_depth(*x, fragments.coverage), *fragments.arrays)
-
-
-def shade(normals, views, material, lights, *, positions=None, model: str = "metallic-roughness", conserves_energy: bool = False):
-    """As `bokashi.shade`."""
-    kinds = [kind for kind, *_ in lights]
-    of_lights = [(list(arrays) + [None])[:2] for _, *arrays in lights]
-    of_lights = [_like(values, normals) for pair in of_lights for values in pair]
-    of_material = [_like(values, normals) for values in material] + [None] * (3 - len(material))
-
-    def run(normals, views, positions, *arrays):
-        given = [values for values in arrays[:3] if values is not None]
-        lights = [(kind, arrays[3 + 2 * k], arrays[4 + 2 * k]) for k, kind in enumerate(kinds)]
-        return _native.shade(normals, views, positions, given, model, lights, conserves_energy)
-
-    return _only(run, normals, _like(views, normals), _like(positions, normals), *of_material, *of_lights)
-
-
-def depth_of_field(
-    image, distances, aperture, focus, *, largest_sigma: float = 32.0, tolerance: float = 1e-3, blades: int | None = None,
-    rotation: float = 0.0,
-):
-    """As `bokashi.depth_of_field`."""
-
-    def run(*x):
-        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
-
-    return _only(run, image, distances, _like(aperture, image), _like(focus, image))
+def srgb_decode(y: Tensor) -> Tensor:
+    """As `bokashi.srgb_decode`."""
+    return _only(_native.srgb_decode, y)
