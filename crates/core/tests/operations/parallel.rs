@@ -120,14 +120,14 @@ fn work_and_merging_may_share_work_of_their_own() {
     for threads in [1, 2, 5] {
         on(threads, || {
             let mut sums = Vec::new();
-            merge_each(true, 0..40, |k| sum(k), |inner| sums.push(inner + sum(20)));
+            merge_each(true, 0..40, sum, |inner| sums.push(inner + sum(20)));
             assert!(
                 (0..40_usize)
                     .zip(sums)
                     .all(|(k, found)| found == k * k.saturating_sub(1) / 2 + 190)
             );
             let mut within = Vec::new();
-            alone(|| merge_each(true, 0..9, |k| sum(k), |inner| within.push(inner)));
+            alone(|| merge_each(true, 0..9, sum, |inner| within.push(inner)));
             with_threads(3, || assert_eq!(sum(10), 45));
             assert_eq!(within.len(), 9);
         });
