@@ -26,12 +26,12 @@ enum Kind {
 pub struct Learning(Mutex<Kind>);
 
 /// A loss that Python told, and its gradients. Inputs: the parameters. Output: `[]`.
-struct Told<T> {
+struct GivenLoss<T> {
     loss: T,
     gradients: Vec<Option<Arc<Vec<T>>>>,
 }
 
-impl<T: Number> Op<T> for Told<T> {
+impl<T: Number> Op<T> for GivenLoss<T> {
     type Saved = ();
     type Error = TensorError;
 
@@ -73,7 +73,7 @@ struct Function<'py> {
 }
 
 impl Function<'_> {
-    fn call<T: Number>(&self, variables: &Variables<'_, T>) -> PyResult<Told<T>> {
+    fn call<T: Number>(&self, variables: &Variables<'_, T>) -> PyResult<GivenLoss<T>> {
         let parameters = PyDict::new(self.py);
         for name in &self.names {
             let value = variables.get(name).map_err(Refusal::from)?.value();
@@ -111,7 +111,7 @@ impl Function<'_> {
                 other.str()?.to_string()
             )));
         }
-        Ok(Told { loss: T::from_f64(loss), gradients })
+        Ok(GivenLoss { loss: T::from_f64(loss), gradients })
     }
 }
 

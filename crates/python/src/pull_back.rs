@@ -87,10 +87,16 @@ impl PullBack {
     }
 }
 
-/// The tape is kept for a later step.
+/// Tapes that are kept, as many as a step of several operations needs.
+const MOST_TAPES: usize = 32;
+
+/// The tape is kept for a later step, unless enough of them wait.
 fn give_back<T: Number>(recording: Mutex<Recording<T>>) {
     let tape = recording.into_inner().unwrap_or_else(PoisonError::into_inner).into_tape();
-    T::tapes().lock().unwrap_or_else(PoisonError::into_inner).push(tape);
+    let mut tapes = T::tapes().lock().unwrap_or_else(PoisonError::into_inner);
+    if tapes.len() < MOST_TAPES {
+        tapes.push(tape);
+    }
 }
 
 impl Drop for PullBack {

@@ -37,13 +37,13 @@ fn border(word: &str) -> PyResult<TextureBorder> {
 }
 
 /// Coordinates, level, differentials, bias, and levels: what a sample is made of.
-struct Look<'t, T: Scalar> {
+struct SampleInputs<'t, T: Scalar> {
     coordinates: Var<'t, T>,
     detail: Detail<'t, T>,
     levels: Vec<Var<'t, T>>,
 }
 
-impl<'t, T: Scalar> Look<'t, T> {
+impl<'t, T: Scalar> SampleInputs<'t, T> {
     fn new(x: &Given<'t, T>) -> Self {
         let detail = match (x[1], x[2]) {
             (Some(level), _) => Detail::Level(level),
@@ -84,12 +84,12 @@ macro_rules! sample {
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
             by_type!(coordinates, T => record::<T>(py, &inputs, |_, x| {
-                let look = Look::new(x);
-                let texture = match look.levels[..] {
+                let inputs_of = SampleInputs::new(x);
+                let texture = match inputs_of.levels[..] {
                     [texels] if mipmaps => $texture::with_mipmaps(texels)?,
-                    _ => $texture::from_levels(&look.levels)?,
+                    _ => $texture::from_levels(&inputs_of.levels)?,
                 };
-                Ok(smallvec![ops::$call(&texture, look.coordinates, look.detail, sampler)?])
+                Ok(smallvec![ops::$call(&texture, inputs_of.coordinates, inputs_of.detail, sampler)?])
             }))
         }
     };

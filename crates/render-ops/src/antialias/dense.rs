@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use bokashi_core::parallel::for_each_zipped_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use super::SavedBlends;
@@ -65,9 +64,8 @@ impl<T: Scalar> Op<T> for AntialiasImage {
         let size = self.coverage.size();
         saved.rows.clear();
         saved.rows.extend(saved.blends.iter().map(|blend| blend.pixels(size)));
-        saved.divide();
         let out = outputs.push(inputs.shape(1).clone());
-        for_each_zipped_mut(out, [inputs.data(1)], |out, [value]| *out = value);
+        saved.divide_and_copy(out, inputs.data(1));
         saved.blend(out, inputs.shape(1)[2]);
         Ok(())
     }
@@ -89,18 +87,8 @@ impl<T: Scalar> Op<T> for AntialiasImage {
             let (clip, size) = (kept.input(0), self.coverage.size());
             saved.add_clip_bars(out_bar, channels, (clip, size), clip_bar.entries());
         }
-        if gradients.needs(1) {
-            saved.find_shares(out_bar, channels);
-        }
-        // Changed in place, if nobody else reads it; and its memory goes back to the tape.
-        if let Some(out_bar) = taken {
-            gradients.give(1, out_bar);
-        } else if let Some(image_bar) = gradients.get(1) {
-            image_bar.add(kept.only_upstream());
-        }
-        if let Some(image_bar) = gradients.get(1) {
-            saved.add_shares(channels, image_bar.entries());
-        }
+        let all = out_bar.len();
+        saved.pull_back_values(taken, channels, all, kept, gradients);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {

@@ -232,6 +232,13 @@ impl<T: Scalar> SavedBlends<T> {
         });
     }
 
+    /// [`SavedBlends::divide`], and beside it copies the aliased values.
+    fn divide_and_copy(&mut self, values: &mut [T], input: &[T]) {
+        let are_shared = is_shared(self.blends.len(), BLENDS_TO_DIVIDE);
+        let copy = || for_each_zipped_mut(values, [input], |value, [input]| *value = input);
+        join(are_shared, || self.divide(), copy);
+    }
+
     /// Divides shares at one pixel by their sum where that is above 1.
     fn divide(&mut self) {
         let Self { blends, rows, joint, sums, .. } = self;
@@ -409,6 +416,37 @@ impl<T: Scalar> SavedBlends<T> {
                 }
             },
         );
+    }
+
+    /// Adds the gradient of input 1, the values, whose entries are the first `covered` of the output. It comes last: the
+    /// upstream gradient is changed in place, if it was `taken` since nobody else reads it.
+    fn pull_back_values(
+        &mut self,
+        taken: Option<Vec<T>>,
+        channels: usize,
+        covered: usize,
+        kept: &Kept<'_, T>,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        if !gradients.needs(1) {
+            // The memory goes back to the tape.
+            if let Some(out_bar) = taken {
+                gradients.give(1, out_bar);
+            }
+            return;
+        }
+        self.find_shares(taken.as_deref().unwrap_or_else(|| kept.only_upstream()), channels);
+        match taken {
+            Some(mut out_bar) => {
+                out_bar.truncate(covered);
+                gradients.give(1, out_bar);
+            }
+            None => {
+                let values_bar = gradients.get(1).expect("it is wanted");
+                values_bar.add(&kept.only_upstream()[..covered]);
+            }
+        }
+        self.add_shares(channels, gradients.get(1).expect("it is wanted").entries());
     }
 
     /// Blends pixels of `out`, which holds the aliased values.
@@ -635,9 +673,7 @@ impl<T: Scalar> Op<T> for Antialias {
         let rim = saved.rim.clone().expect("it was just found");
         let out = outputs.push([coverage.count() + rim.len(), channels]);
         let (values, rim_values) = out.split_at_mut(input.len());
-        let are_shared = is_shared(saved.blends.len(), BLENDS_TO_DIVIDE);
-        let copy = || for_each_zipped_mut(values, [input], |value, [input]| *value = input);
-        join(are_shared, || saved.divide(), copy);
+        saved.divide_and_copy(values, input);
         for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(&*rim) {
             self.kind.fill(value, background, channels, pixel as usize);
         }
@@ -672,26 +708,7 @@ impl<T: Scalar> Op<T> for Antialias {
                 background_bar.entries(),
             );
         }
-        if !gradients.needs(1) {
-            // The memory goes back to the tape.
-            if let Some(out_bar) = taken {
-                gradients.give(1, out_bar);
-            }
-            return;
-        }
-        // Last, since here the upstream gradient is changed in place, if nobody else reads it.
-        saved.find_shares(out_bar, channels);
-        match taken {
-            Some(mut out_bar) => {
-                out_bar.truncate(covered);
-                gradients.give(1, out_bar);
-            }
-            None => {
-                let values_bar = gradients.get(1).expect("it is wanted");
-                values_bar.add(&kept.only_upstream()[..covered]);
-            }
-        }
-        saved.add_shares(channels, gradients.get(1).expect("it is wanted").entries());
+        saved.pull_back_values(taken, channels, covered, kept, gradients);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {

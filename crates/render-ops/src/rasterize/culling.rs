@@ -175,7 +175,7 @@ impl<S: Scalar> Default for Extents<S> {
 }
 
 impl<S: Scalar<Wide = S>> Extents<S> {
-    pub(super) fn of(corners: &[Corner<S>]) -> Self {
+    pub(super) fn from_corners(corners: &[Corner<S>]) -> Self {
         let of_corner = |Corner { vertex, .. }: &Corner<S>| {
             Self([vertex.x, vertex.y, vertex.w].map(|number| number.abs()))
         };
@@ -215,7 +215,7 @@ mod tests {
         let size = Size::square(16);
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
-            let noise = Extents::of(&corners).most_rounding(size);
+            let noise = Extents::from_corners(&corners).most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };
         // On a line but for rounding: in the image, and beside it, where faces are left out as outside.

@@ -104,7 +104,7 @@ impl Default for Depths {
 }
 
 impl Depths {
-    pub(super) fn of<S: Scalar<Wide = S>>(corners: &[Corner<S>]) -> Self {
+    pub(super) fn from_corners<S: Scalar<Wide = S>>(corners: &[Corner<S>]) -> Self {
         let mut depths = Self::default();
         for corner in corners {
             depths.is_flat &= corner.vertex.z == S::ZERO;
@@ -396,7 +396,7 @@ mod tests {
             .collect();
         let corners: Vec<Corner<f64>> =
             (0..5).map(|index| Corner::new(clip.as_flattened(), index, size)).collect();
-        let filter = Filter::new(Depths::of(&corners), size);
+        let filter = Filter::new(Depths::from_corners(&corners), size);
         let records: Vec<_> = corners.iter().map(|corner| filter.record(corner)).collect();
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
         let boxes = filter.boxes(&octet, size, ROUNDING_OF_PIXELS);

@@ -118,7 +118,9 @@ impl<T: Scalar> Visibility<T> {
         }
         let Self { corners, records, filter, .. } = self;
         let (mut depths, mut extents) = (Depths::default(), Extents::default());
-        let measure = |_, corners: &mut [Corner<_>]| (Depths::of(corners), Extents::of(corners));
+        let measure = |_, corners: &mut [Corner<_>]| {
+            (Depths::from_corners(corners), Extents::from_corners(corners))
+        };
         merge_pieces(corners, measure, |of_piece| {
             depths = depths.with(of_piece.0);
             extents = extents.with(of_piece.1);

@@ -80,8 +80,8 @@ impl PixelMask {
         }
     }
 
-    /// Of up to 64 stripes of the image, each of `1 << shift` columns, those in which a pixel is marked, where a mark
-    /// stands for `block` pixels of a row. The pixels have been counted.
+    /// The stripes of the image in which a pixel is marked, a bit each. There are up to 64, of `1 << shift` columns each. A
+    /// mark stands for `block` pixels of a row. The pixels have been counted.
     pub(super) fn stripes(&self, block: usize, shift: u32) -> u64 {
         let mut stripes = 0;
         for (word, &bits) in self.some_row.iter().enumerate() {
