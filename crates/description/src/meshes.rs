@@ -21,6 +21,9 @@ pub struct MeshEntry {
     pub shape: Option<Shape>,
     /// About how many faces the shape has.
     pub faces: Option<Count>,
+    /// Of a hull, the share of the views that have to agree that a place belongs to it; by default 0.9. Others may
+    /// have a wrong mask or camera.
+    pub agreement: Option<Share>,
     /// How the file's numbers of vertex colours stand for light. By default sRGB for OBJ and PLY, and linear
     /// for glTF.
     pub vertex_color_space: Option<ColorSpaceName>,
@@ -48,6 +51,8 @@ pub enum Shape {
     Cube,
     /// From -1 to 1 in x and y, seen from +z.
     Plane,
+    /// What the masks of all views allow that are not held out, where they see it.
+    Hull,
 }
 
 /// A motion and a scale: first the scale, then the rotation, then the translation.

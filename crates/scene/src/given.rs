@@ -9,7 +9,8 @@ use bokashi_fit::{Alone, Communicator, FitError, Given, Parameters, agree, block
 
 use crate::description::ViewLens;
 use crate::object::Object;
-use crate::scene::{Scene, SceneView};
+use crate::scene::Scene;
+use crate::scene_view::SceneView;
 
 impl Scene {
     /// The scene's files and settings by name: all keys of `scene.toml` as `learn.vertices.rate`, each file's

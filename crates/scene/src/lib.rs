@@ -32,7 +32,9 @@ mod file;
 mod file_names;
 mod fitting;
 mod folder;
+mod gaze;
 mod given;
+mod hull;
 mod learnables;
 mod learning;
 mod learnt_scene;
@@ -49,6 +51,7 @@ mod results;
 mod running;
 mod saved_fit;
 mod scene;
+mod scene_view;
 mod shapes;
 mod stopping;
 mod summary;
@@ -73,6 +76,7 @@ pub use error::{Location, SceneError};
 pub use file::{MOST_BYTES, write_result};
 pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::Folder;
+pub use gaze::{gaze, share_seen};
 /// Matrices and vectors of cameras and places.
 pub use glam;
 /// The images of [`arrays::tensor_of_image`].
@@ -97,10 +101,9 @@ pub use picture::{
 };
 pub use rendered::{Rendered, capped_note};
 pub use renderer::{Drawn, Renderer};
-pub use scene::{Scene, SceneView};
-pub use summary::{
-    BentEdge, MeshSummary, gaze, lens_note, most_bent_edges, named_files, share_seen,
-};
+pub use scene::Scene;
+pub use scene_view::SceneView;
+pub use summary::{BentEdge, MeshSummary, lens_note, most_bent_edges, named_files};
 
 /// The programs in docs/arrays.md are compiled and run.
 #[cfg(all(doctest, feature = "image"))]

@@ -11,7 +11,8 @@ use crate::error::{Location, SceneError};
 use crate::learnables::Values;
 use crate::picture::{Picture, Samples};
 use crate::renderer::Renderer;
-use crate::scene::{Scene, SceneView};
+use crate::scene::Scene;
+use crate::scene_view::SceneView;
 
 /// The files of a view.
 #[derive(Debug, Clone)]

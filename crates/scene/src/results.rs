@@ -18,7 +18,8 @@ use crate::mesh::{glb, ply};
 use crate::model::Model;
 use crate::object::SurfaceMaterial;
 use crate::picture::{ColorSpace, Picture};
-use crate::scene::{Scene, SceneView};
+use crate::scene::Scene;
+use crate::scene_view::SceneView;
 use crate::summary::named_files;
 
 impl Scene {

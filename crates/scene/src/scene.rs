@@ -21,33 +21,16 @@ use crate::environment::cube_from_panorama;
 use crate::error::{Location, SceneError};
 use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
+use crate::hull::{AGREEMENT, hull_of_views};
 use crate::mask_files::{find_mask, usual_mask};
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
-use crate::model::{Model, Placed, Submesh, covers};
+use crate::model::{Geometry, Model, Placed, Submesh, covers};
 use crate::object::{Object, SurfaceMap, SurfaceMaterial, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
+use crate::scene_view::SceneView;
 use crate::shapes;
 use crate::viewpoint::camera;
-
-/// An image, and the camera that took it.
-#[derive(Debug, Clone)]
-pub struct SceneView {
-    /// What results call it.
-    pub name: String,
-    /// The image, in the scene's folder.
-    pub image: Option<PathBuf>,
-    /// An image that shows where the objects are: see [`Mask`](crate::Mask).
-    pub mask: Option<PathBuf>,
-    /// How numbers of the image stand for light, where the format does not tell.
-    pub color_space: Option<ColorSpace>,
-    /// Whether it is measured and never learnt from.
-    pub held_out: bool,
-    /// The camera.
-    pub camera: Camera,
-    /// What its lens has in place of the pipeline's numbers.
-    pub lens: ViewLens,
-}
 
 /// A scene: what its file says, with the meshes and cameras that the file names.
 ///
@@ -74,6 +57,8 @@ pub struct Scene {
 
 /// Faces of a shape, where a scene does not say.
 const FACES: usize = 1280;
+/// Likewise of a hull.
+const FACES_OF_HULL: usize = 4000;
 /// The most faces of a shape.
 const MOST_FACES: u64 = 10_000_000;
 /// Texels along a side of an environment; and where a scene does not say.
@@ -137,11 +122,11 @@ impl Scene {
         };
         source.check_lens(&description)?;
         let mut notes = Vec::new();
+        let views = source.views(&description, &mut notes)?;
         let mut objects = Vec::new();
         for entry in &description.meshes {
-            objects.extend(source.objects(entry, is_lit, &mut notes)?);
+            objects.extend(source.objects(entry, &views, is_lit, &mut notes)?);
         }
-        let views = source.views(&description, &mut notes)?;
         for SceneView { camera: Camera { size, .. }, .. } in &views {
             let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
             if found > MOST_SAMPLES {
@@ -268,11 +253,12 @@ impl Source {
     fn model(
         &self,
         entry: &Spanned<MeshEntry>,
+        views: &[SceneView],
         notes: &mut Vec<String>,
     ) -> Result<(Model, String), SceneError> {
         let mesh = entry.get_ref();
         match (&mesh.file, mesh.shape) {
-            (Some(file), None) if mesh.faces.is_none() => {
+            (Some(file), None) if mesh.faces.is_none() && mesh.agreement.is_none() => {
                 let vertex_color_space = mesh.vertex_color_space.map(color_space);
                 let options = MeshOptions { vertex_color_space, weld: mesh.weld };
                 let model = read_counted(&self.folder, file, options)?;
@@ -285,34 +271,53 @@ impl Source {
                 self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
                 let what = || format!("a shape of {faces} faces");
                 self.folder.memory().check(faces as u64 * OF_FACE, &self.location(entry), what)?;
+                if mesh.agreement.is_some() && shape != Shape::Hull {
+                    return Err(self.wrong(entry, "`agreement` is that of a hull"));
+                }
                 let geometry = match shape {
+                    Shape::Hull => self.hull(entry, views)?,
                     Shape::Sphere => shapes::sphere(faces),
                     Shape::Cube => shapes::cube(mesh.faces.map_or(12, |faces| faces.0)),
                     Shape::Plane => shapes::plane(mesh.faces.map_or(2, |faces| faces.0)),
                 };
                 let name = geometry.name.clone();
-                let placed = Placed { name: name.clone(), geometry: 0, transform: DMat4::IDENTITY };
+                let transform = DMat4::from_translation(geometry.offset);
+                let placed = Placed { name: name.clone(), geometry: 0, transform };
                 let model =
                     Model { geometries: vec![geometry], placed: vec![placed], ..Model::default() };
                 Ok((model, name))
             }
             _ => {
                 let rule = "a mesh has either `file`, perhaps with `vertex_color_space` and `weld`, or `shape`, \
-                            perhaps with `faces`";
+                            perhaps with `faces` and `agreement`";
                 Err(self.wrong(entry, rule))
             }
         }
+    }
+
+    /// The hull of a mesh entry.
+    fn hull(
+        &self,
+        entry: &Spanned<MeshEntry>,
+        views: &[SceneView],
+    ) -> Result<Geometry, SceneError> {
+        let mesh = entry.get_ref();
+        let agreement = mesh.agreement.map_or(AGREEMENT, |share| share.0);
+        let faces = mesh.faces.map_or(FACES_OF_HULL, |faces| faces.0);
+        let geometry = hull_of_views(&self.folder, views, faces, agreement)?;
+        geometry.map_err(|rule| self.wrong(entry, rule))
     }
 
     /// The objects of a mesh entry: a file may hold several.
     fn objects(
         &self,
         entry: &Spanned<MeshEntry>,
+        views: &[SceneView],
         is_lit: bool,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Object>, SceneError> {
         let mesh = entry.get_ref();
-        let (model, default) = self.model(entry, notes)?;
+        let (model, default) = self.model(entry, views, notes)?;
         let is_gltf = mesh.file.as_ref().and_then(|file| MeshKind::from_path(file).ok())
             == Some(MeshKind::Gltf);
         let name = mesh.name.clone().unwrap_or(default);

@@ -4,16 +4,15 @@
 //! decoded anew. Which of them are kept changes no bit.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
-use bokashi_render_ops::{PixelLoss, RenderError, Size};
+use bokashi_render_ops::{PixelLoss, RenderError};
 
 use crate::description::{LossKind, Tone};
 use crate::error::{Location, SceneError};
-use crate::picture::{ColorSpace, Mask, Picture, Samples};
+use crate::picture::{ColorSpace, Samples, reduced};
 use crate::renderer::Renderer;
 
 /// The memory of decoded images, in bytes.
@@ -100,23 +99,8 @@ impl Targets {
     /// # Errors
     /// As [`Targets::get`].
     pub(crate) fn mask(&self, view: usize) -> Result<Option<Tensor<f32>>, SceneError> {
-        let view_entry = &self.renderer.scene().views[view];
-        match (&view_entry.mask, &view_entry.image) {
-            (None, Some(image)) => Ok(self.picture(image, view_entry.camera.size)?.opacity()),
-            (Some(mask), _) => Ok(Some(self.mask_of(mask, view_entry.camera.size)?)),
-            (None, None) => Ok(None),
-        }
-    }
-
-    /// The image of a file, which has this size.
-    fn picture(&self, file: &Path, size: Size) -> Result<Picture, SceneError> {
-        Picture::read_sized(&self.renderer.scene().folder, file, [size.width, size.height])
-    }
-
-    /// What the file of a mask says, `[H, W]`.
-    fn mask_of(&self, file: &Path, size: Size) -> Result<Tensor<f32>, SceneError> {
-        let location = Location::new(self.renderer.scene().folder.join(file));
-        Ok(Mask::from_picture(&self.picture(file, size)?, &location)?.share)
+        let scene = self.renderer.scene();
+        scene.views[view].read_mask(&scene.folder)
     }
 
     fn decoded(&self, view: usize, reduce: usize) -> Result<Target, SceneError> {
@@ -127,11 +111,11 @@ impl Targets {
                 format!("a view that is compared has an image, and {:?} has none", scene_view.name);
             return Err(SceneError::content(Location::new(scene.folder.path()), message));
         };
-        let picture = self.picture(file, scene_view.camera.size)?;
+        let picture = scene_view.read_picture(&scene.folder, file)?;
         let space = scene_view.color_space.unwrap_or_else(|| ColorSpace::for_picture(&picture));
         let mut mask = match &scene_view.mask {
             None => picture.opacity(),
-            Some(file) => Some(self.mask_of(file, scene_view.camera.size)?),
+            Some(_) => self.mask(view)?,
         };
         let tone = scene.description.pipeline.tone;
         let with_mask = self.has_mask(view);
@@ -227,29 +211,6 @@ pub(crate) fn errors<'t>(
             (near.square() * 0.5).try_add(size.try_sub(near)? * HUBER as f32)?
         }
     })
-}
-
-/// Means over `k` x `k` pixels of an image `[H, W, C]` or `[H, W]`; what is left at the right and below is
-/// cut off.
-fn reduced(image: &Tensor<f32>, k: usize) -> Tensor<f32> {
-    let shape = image.shape().to_vec();
-    let channels = shape.get(2).copied().unwrap_or(1);
-    let [height, width] = [(shape[0] / k).max(1), (shape[1] / k).max(1)];
-    let [rows, columns] = [k.min(shape[0]), k.min(shape[1])];
-    let data = image.data();
-    let mut small = vec![0.0_f32; height * width * channels];
-    for (index, mean) in small.iter_mut().enumerate() {
-        let (pixel, channel) = (index / channels, index % channels);
-        let (row, column) = (pixel / width * k, pixel % width * k);
-        let block = (0..rows * columns).map(|n| {
-            let (row, column) = (row + n / columns, column + n % columns);
-            f64::from(data[(row * shape[1] + column) * channels + channel])
-        });
-        *mean = (block.sum::<f64>() / (rows * columns) as f64) as f32;
-    }
-    let mut small_shape = shape;
-    (small_shape[0], small_shape[1]) = (height, width);
-    Tensor::from_flat_fn(small_shape.as_slice(), |index| small[index])
 }
 
 /// An error of a scene as one of a fit.

@@ -6,7 +6,8 @@ use glam::{DMat4, DVec2, DVec3};
 
 use crate::cameras::Camera;
 use crate::object::Object;
-use crate::scene::{Scene, SceneView};
+use crate::scene::Scene;
+use crate::scene_view::SceneView;
 
 /// Edges are bent so many at a time.
 const AT_A_TIME: usize = 1 << 14;

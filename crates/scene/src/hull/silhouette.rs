@@ -1,0 +1,199 @@
+//! How far a pixel is from the silhouette of a mask.
+
+use bokashi_core::Tensor;
+use glam::{DVec2, DVec3};
+
+use crate::cameras::Camera;
+
+/// From the corner of a pixel to its centre.
+const HALF: f64 = 0.5;
+
+/// A silhouette, and the camera that sees it.
+#[derive(Debug, Clone)]
+pub(super) struct Silhouette {
+    camera: Camera,
+    /// Distances at the centres of pixels in pixels, row-major, below 0 where the objects are.
+    distances: Vec<f32>,
+}
+
+impl Silhouette {
+    /// The silhouette of a mask `[H, W]`, the share of each pixel that objects cover; its size is the camera's.
+    /// Where a pixel is covered in part, its share says where the silhouette runs.
+    pub(super) fn new(camera: Camera, mask: &Tensor<f32>) -> Self {
+        let [height, width] = [mask.shape()[0], mask.shape()[1]];
+        let is_covered = |share: f32| share >= 0.5;
+        let to_covered = squared_distances([height, width], |k| is_covered(mask.data()[k]));
+        let to_bare = squared_distances([height, width], |k| !is_covered(mask.data()[k]));
+        // Without any pixel on the other side, the distance is at least that to the image's border.
+        let most = (height + width) as f32;
+        let distance = |k: usize| {
+            let share = mask.data()[k];
+            if share > 0.0 && share < 1.0 {
+                return 0.5 - share;
+            }
+            let (squares, sign) =
+                if is_covered(share) { (&to_bare, -1.0) } else { (&to_covered, 1.0) };
+            sign * ((squares[k] as f32).sqrt() - 0.5).min(most)
+        };
+        Self { camera, distances: (0..height * width).map(distance).collect() }
+    }
+
+    /// The camera.
+    pub(super) fn camera(&self) -> Camera {
+        self.camera
+    }
+
+    /// How far outside of the silhouette points of the world are seen, for small distances in the units of the world
+    /// around `middle`: below 0 inside of it. `None` where the view does not say: behind the camera, and beyond the image's
+    /// border next to an object that the border cuts off.
+    pub(super) fn distances(&self, middle: DVec3) -> impl Fn(DVec3) -> Option<f64> {
+        let [fx, fy, ..] = self.camera.intrinsics;
+        let depth = self.camera.view.transform_point3(middle).length();
+        let unit = depth / (fx * fy).abs().sqrt();
+        let pixels = self.camera.pixels();
+        move |point| Some(unit * self.at(pixels(point)?)?)
+    }
+
+    /// The distance at a place of the image, between those of the four pixels around it.
+    fn at(&self, pixel: DVec2) -> Option<f64> {
+        let [width, height] = [self.camera.size.width, self.camera.size.height];
+        let last = DVec2::new((width - 1) as f64, (height - 1) as f64);
+        let inside = pixel.clamp(DVec2::ZERO, last);
+        let (column, row) = (inside.x as usize, inside.y as usize);
+        let (next, below) = ((column + 1).min(width - 1), (row + 1).min(height - 1));
+        let (u, v) = (inside.x.fract(), inside.y.fract());
+        let value = |row: usize, column: usize| f64::from(self.distances[row * width + column]);
+        let upper = value(row, column) * (1.0 - u) + value(row, next) * u;
+        let lower = value(below, column) * (1.0 - u) + value(below, next) * u;
+        let distance = upper * (1.0 - v) + lower * v;
+        let beyond = pixel.distance(inside);
+        match beyond <= HALF {
+            true => Some(distance),
+            false => (distance > 0.0).then_some(distance + beyond),
+        }
+    }
+}
+
+/// For each pixel of `[height, width]` the squared distance to the nearest one of which `is_one` says so: row-major.
+/// Without any, it is infinite.
+///
+/// # Source
+/// Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012: minima of
+/// parabolas, along columns and then along rows.
+fn squared_distances([height, width]: [usize; 2], is_one: impl Fn(usize) -> bool) -> Vec<f64> {
+    let mut squares: Vec<f64> =
+        (0..height * width).map(|k| if is_one(k) { 0.0 } else { f64::INFINITY }).collect();
+    let mut line = vec![0.0; height.max(width)];
+    let mut lowest = Vec::new();
+    for column in 0..width {
+        for row in 0..height {
+            line[row] = squares[row * width + column];
+        }
+        lower_envelope(&line[..height], &mut lowest, |row, least| {
+            squares[row * width + column] = least;
+        });
+    }
+    for row in squares.chunks_exact_mut(width.max(1)) {
+        line[..width].copy_from_slice(row);
+        lower_envelope(&line[..width], &mut lowest, |column, least| row[column] = least);
+    }
+    squares
+}
+
+/// Writes `min_j values[j] + (k - j)^2` for each k. `lowest` is memory: the parabolas that are somewhere the lowest,
+/// each with where it begins to be.
+fn lower_envelope(
+    values: &[f64],
+    lowest: &mut Vec<(usize, f64)>,
+    mut write: impl FnMut(usize, f64),
+) {
+    lowest.clear();
+    for (k, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        let mut start = f64::NEG_INFINITY;
+        while let Some(&(j, begins)) = lowest.last() {
+            // Where both are alike.
+            let sum = (value + (k * k) as f64) - (values[j] + (j * j) as f64);
+            start = sum / (2 * (k - j)) as f64;
+            if start > begins {
+                break;
+            }
+            lowest.pop();
+            start = f64::NEG_INFINITY;
+        }
+        lowest.push((k, start));
+    }
+    let mut current = 0;
+    for k in 0..values.len() {
+        while lowest.get(current + 1).is_some_and(|&(_, begins)| begins < k as f64) {
+            current += 1;
+        }
+        let least = lowest.get(current).map_or(f64::INFINITY, |&(j, _)| {
+            values[j] + (k as f64 - j as f64) * (k as f64 - j as f64)
+        });
+        write(k, least);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bokashi_render_ops::Size;
+    use glam::DMat4;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn distances_are_those_to_the_nearest_pixel(
+            size in (1_usize..9, 1_usize..9),
+            bits in any::<u64>(),
+            rarity in 0_u32..3,
+        ) {
+            let (height, width) = size;
+            // The rarer, the farther apart.
+            let is_one = |k: usize| (0..=rarity).all(|n| bits.rotate_left(7 * n) >> (k % 64) & 1 == 1);
+            let found = squared_distances([height, width], is_one);
+            for k in 0..height * width {
+                let square = |j: usize| {
+                    let rows = (k / width).abs_diff(j / width).pow(2);
+                    (rows + (k % width).abs_diff(j % width).pow(2)) as f64
+                };
+                let ones = (0..height * width).filter(|&j| is_one(j));
+                prop_assert_eq!(found[k], ones.map(square).fold(f64::INFINITY, f64::min));
+            }
+        }
+    }
+
+    /// A camera 4 in front of the origin, of 9 x 9 pixels; at the origin a pixel is 0.1 wide.
+    fn camera() -> Camera {
+        let view = DMat4::from_translation(4.0 * DVec3::Z);
+        Camera { view, ..Camera::new(Size { width: 9, height: 9 }, [40.0, 40.0, 4.0, 4.0]) }
+    }
+
+    #[test]
+    fn a_silhouette_runs_where_the_share_of_a_pixel_says() {
+        // All columns up to 3 are covered, and a quarter of column 4.
+        let mask = Tensor::from_flat_fn([9, 9], |k| [1.0, 1.0, 1.0, 1.0, 0.25, 0.0][(k % 9).min(5)]);
+        let silhouette = Silhouette::new(camera(), &mask);
+        let distance = silhouette.distances(DVec3::ZERO);
+        for (pixels, expected) in [(0.0, 0.25), (2.0, 1.5), (-3.0, -2.5)] {
+            let found = distance(DVec3::new(0.1 * pixels, 0.0, 0.0)).unwrap();
+            assert!((found - 0.1 * expected).abs() < 1e-6, "{pixels}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_view_says_nothing_of_what_it_cannot_see() {
+        let left = Tensor::from_flat_fn([9, 9], |k| f32::from(u8::from(k % 9 < 5)));
+        let silhouette = Silhouette::new(camera(), &left);
+        let distance = silhouette.distances(DVec3::ZERO);
+        // The object goes on beyond the left border; to the right there is none.
+        assert_eq!(distance(DVec3::new(-0.8, 0.0, 0.0)), None);
+        assert!(distance(DVec3::new(0.8, 0.0, 0.0)).unwrap() > 0.4);
+        assert_eq!(distance(DVec3::new(0.0, 0.0, -5.0)), None);
+        for share in [0.0, 1.0] {
+            let even = Silhouette::new(camera(), &Tensor::from_flat_fn([9, 9], |_| share));
+            let found = even.distances(DVec3::ZERO)(DVec3::ZERO).unwrap();
+            assert!(found.is_finite() && (found < 0.0) == (share == 1.0));
+        }
+    }
+}
