@@ -97,8 +97,11 @@ fn geometry(positions: &Tensor<f32>, mesh: &Mesh, middle: DVec3) -> Geometry {
         positions: points.map(|point| (point - offset).as_vec3().to_array()).collect(),
         offset,
         faces: mesh.faces().to_vec(),
+        colors: None,
+        coordinates: None,
+        normals: None,
+        tangents: None,
         submeshes: vec![Submesh { material: None, faces: 0..mesh.faces().len() }],
-        ..Geometry::default()
     }
 }
 

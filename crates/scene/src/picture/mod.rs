@@ -34,6 +34,7 @@ mod mask;
 mod open_exr;
 mod png_file;
 mod radiance;
+mod reduced;
 mod remarks;
 mod samples;
 #[cfg(test)]
@@ -43,5 +44,6 @@ mod usual;
 
 pub use self::color::{ColorSpace, Depth};
 pub use self::mask::{Mask, MaskKind};
+pub(crate) use self::reduced::reduced;
 pub use self::samples::{MOST_SAMPLES, Picture, Samples, is_guarded};
 pub use self::turn::Turn;
