@@ -37,6 +37,7 @@ fn every_file_of_a_test_of_several_files_is_a_module_of_it() {
         "lab/tests",
         "crates/cli/tests/program",
         "crates/core/tests/operations",
+        "crates/mesh/tests/operations",
         "crates/render-ops/tests/operations",
         "crates/scene/tests/scenes",
     ];

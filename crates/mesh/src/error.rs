@@ -14,4 +14,36 @@ pub enum MeshError {
     /// A tensor of the wrong shape.
     #[error(transparent)]
     Tensor(#[from] TensorError),
+    /// A grid without a cell, or with too many points.
+    #[error("a grid needs at least 2 points along each axis and fewer than 2^31 in all, got {} x {} x {}", shape[0], shape[1], shape[2])]
+    GridShape {
+        /// The points along x, y and z.
+        shape: [usize; 3],
+    },
+    /// A grid that stands nowhere.
+    #[error(
+        "a grid needs finite points and a positive spacing, got origin {origin:?} and spacing {spacing}"
+    )]
+    GridPlace {
+        /// Where its first point would stand.
+        origin: [f64; 3],
+        /// The distance between neighbours.
+        spacing: f64,
+    },
+    /// A number of a field that is none.
+    #[error("a field needs to be finite, got {value} at grid point {point:?}")]
+    FieldValue {
+        /// The place of the point along x, y and z.
+        point: [usize; 3],
+        /// The number.
+        value: f64,
+    },
+    /// A point of a grid that stands nowhere.
+    #[error("grid points need finite positions, got {position:?} at grid point {point:?}")]
+    PointPosition {
+        /// The place of the point along x, y and z.
+        point: [usize; 3],
+        /// Where it would stand.
+        position: [f64; 3],
+    },
 }

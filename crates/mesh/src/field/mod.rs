@@ -1,0 +1,215 @@
+//! The surface on which a field is 0, as a triangle mesh: marching tetrahedra.
+//!
+//! # Forward
+//! A point of the grid lies inside where its number is below 0, as a signed distance is; 0 lies outside. Each cell
+//! is split into six tetrahedra (`tetrahedra`). A vertex stands on each edge of the grid whose ends lie on two sides,
+//! where a linear function along the edge is 0 (`vertices`). Faces turn their front to the outside.
+//!
+//! # Backward
+//! Vertices give to the field and to the positions of the grid's points (`vertices`), summed by point in wide
+//! numbers. What no vertex touches is not visited.
+//!
+//! # Where it is not smooth
+//! Which edges are crossed steps as a number of the field changes its sign: there faces come and go. A vertex is then
+//! at the point itself, so the surface moves without a jump.
+//!
+//! # By hand
+//! A composition gathers both ends, and writes some ten arrays of the size of the surface. This saves the ends alone.
+//!
+//! # Source
+//! Shen et al., *Deep marching tetrahedra*, NeurIPS 2021, eq. (2). Kuhn, *Some combinatorial lemmas in topology*, IBM
+//! Journal 4(5), 1960: the six tetrahedra.
+
+mod signs;
+mod tetrahedra;
+mod vertices;
+
+use bokashi_core::parallel::merge_ranges;
+use bokashi_core::{
+    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, TensorError, Var,
+};
+use bokashi_render_ops::{Mesh, RenderError};
+
+use self::signs::Signs;
+use self::vertices::Points;
+use crate::error::MeshError;
+use crate::grid::Grid;
+
+/// Points of the grid in one piece of work.
+const POINTS_PER_PIECE: usize = 1 << 15;
+
+/// A surface on a tape.
+#[derive(Debug, Clone)]
+pub struct FieldSurface<'t, T: Scalar> {
+    /// The positions of its vertices: `[V, 3]`.
+    pub positions: Var<'t, T>,
+    /// Its faces, with their fronts outside.
+    pub mesh: Mesh,
+}
+
+/// The surface on which `field` is 0: a number at each point of `grid`, `[nx, ny, nz]` or `[P]`, below 0 inside.
+/// `offsets: [P, 3]` move the points of the grid. The mesh goes into `rasterize` as any other.
+///
+/// A surface that does not reach the grid's border is closed, and it is a manifold. At the border it is open. A field without
+/// a change of sign has an empty surface. Offsets of less than half the spacing keep the surface from folding.
+///
+/// The field alone is visited where nothing changes sign, a bit for each point; a gradient is 0 there. A mesh is made
+/// in each step.
+///
+/// # Errors
+/// `TensorError::Shape` for a field or offsets of another shape; [`MeshError::FieldValue`] for a number of the field
+/// that is not finite; [`MeshError::PointPosition`] for offsets that are not, or lead out of the range of the numbers;
+/// `RenderError::MeshSize` for 2^31 vertices or faces and more.
+#[inline(never)]
+pub fn field_surface<'t, T: Scalar>(
+    field: Var<'t, T>,
+    offsets: Option<Var<'t, T>>,
+    grid: &Grid,
+) -> Result<FieldSurface<'t, T>, MeshError> {
+    let inputs: smallvec::SmallVec<[_; 2]> = std::iter::once(field).chain(offsets).collect();
+    let look = |saved: &Saved<T>| saved.mesh.clone();
+    let op = OfField { grid: *grid };
+    let (outputs, mesh) = field.tape().record_with(op, &inputs, look)?;
+    let mesh = mesh.expect("the forward pass makes it");
+    Ok(FieldSurface { positions: outputs[0], mesh })
+}
+
+/// [`field_surface`] without a tape: the positions `[V, 3]` of the vertices, and the mesh.
+///
+/// # Errors
+/// As [`field_surface`].
+pub fn extract_surface<T: Scalar>(
+    field: &Tensor<T>,
+    offsets: Option<&Tensor<T>>,
+    grid: &Grid,
+) -> Result<(Tensor<T>, Mesh), MeshError> {
+    check(grid, field.shape(), offsets.map(|offsets| &offsets.shape()[..]))?;
+    let points = Points { grid, field: field.data(), offsets: offsets.map(Tensor::data) };
+    let mut saved = Saved::default();
+    saved.extract(points)?;
+    let positions = saved.vertices.as_flattened().to_vec();
+    let mesh = saved.mesh.expect("it has just been made");
+    Ok((Tensor::new([mesh.vertex_count(), 3], positions)?, mesh))
+}
+
+const NAME: &str = "field_surface";
+
+/// Checks the shapes of a field and of offsets.
+fn check(grid: &Grid, field: &[usize], offsets: Option<&[usize]>) -> Result<(), TensorError> {
+    let count = grid.point_count();
+    if *field != [count] && *field != grid.shape() {
+        let [nx, ny, nz] = grid.shape();
+        let rule = format!("a field of shape [{nx}, {ny}, {nz}] or [{count}]").into();
+        return Err(TensorError::Shape { operation: NAME, rule, shape: field.into() });
+    }
+    match offsets {
+        Some(shape) if *shape != [count, 3] => {
+            let rule = format!("offsets of shape [{count}, 3]").into();
+            Err(TensorError::Shape { operation: NAME, rule, shape: shape.into() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Inputs: a field `[nx, ny, nz]` or `[P]`, and perhaps offsets `[P, 3]`. Output: positions `[V, 3]`.
+struct OfField {
+    grid: Grid,
+}
+
+/// The surface.
+#[derive(Debug)]
+struct Saved<T> {
+    mesh: Option<Mesh>,
+    /// The ends of the edge of each vertex, the one inside first.
+    edges: Vec<[u32; 2]>,
+    vertices: Vec<[T; 3]>,
+}
+
+impl<T> Default for Saved<T> {
+    fn default() -> Self {
+        Self { mesh: None, edges: Vec::new(), vertices: Vec::new() }
+    }
+}
+
+impl<T: Scalar> Saved<T> {
+    /// Finds the surface of a field.
+    fn extract(&mut self, points: Points<'_, T>) -> Result<(), MeshError> {
+        let mut signs = Signs::new(points.field, points.grid)?;
+        let count = signs.number();
+        if count >= 1 << 31 {
+            return Err(RenderError::MeshSize { given: count as usize }.into());
+        }
+        let [nx, ny, nz] = points.grid.shape();
+        let layers = (POINTS_PER_PIECE / (ny * nz)).max(1);
+        let edges = &mut self.edges;
+        edges.clear();
+        edges.reserve(count as usize);
+        merge_ranges(
+            nx,
+            layers,
+            |layers| signs.crossed_edges(layers.start * ny..layers.end * ny),
+            |some| edges.extend(some),
+        );
+        let mut faces = Vec::new();
+        if count > 0 {
+            let of = |layers| tetrahedra::faces(&signs, layers);
+            merge_ranges(nx - 1, layers, of, |some| faces.extend(some));
+        }
+        self.vertices.clear();
+        self.vertices.resize(edges.len(), [T::ZERO; 3]);
+        points.write_vertices(edges, &mut self.vertices)?;
+        self.mesh = Some(Mesh::new(faces, edges.len())?);
+        Ok(())
+    }
+}
+
+impl<T: Scalar> Op<T> for OfField {
+    type Saved = Saved<T>;
+    type Error = MeshError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Saved<T>,
+    ) -> Result<(), MeshError> {
+        let has_offsets = inputs.len() > 1;
+        check(&self.grid, inputs.shape(0), has_offsets.then(|| &inputs.shape(1)[..]))?;
+        let offsets = has_offsets.then(|| inputs.data(1));
+        saved.extract(Points { grid: &self.grid, field: inputs.data(0), offsets })?;
+        let positions = outputs.push([saved.vertices.len(), 3]);
+        positions.copy_from_slice(saved.vertices.as_flattened());
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING.input(0).input_if(1, inputs.len() > 1 && inputs.needs(0))
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &mut Saved<T>,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let upstream = kept.only_upstream().as_chunks::<3>().0;
+        let mut points = Points { grid: &self.grid, field: kept.input(0), offsets: None };
+        if kept.input_count() > 1
+            && let Some(offsets_bar) = gradients.get(1)
+        {
+            points.pull_back_offsets(&saved.edges, upstream, offsets_bar);
+        }
+        if let Some(field_bar) = gradients.get(0) {
+            points.offsets = (kept.input_count() > 1).then(|| kept.input(1));
+            points.pull_back_field(&saved.edges, upstream, field_bar);
+        }
+    }
+
+    fn saved_bytes(&self, saved: &Saved<T>) -> usize {
+        size_of_val(&saved.edges[..]) + size_of_val(&saved.vertices[..])
+    }
+}
