@@ -157,6 +157,18 @@ pub struct Stage {
     pub views_per_step: Option<Count>,
     /// What all rates are multiplied by.
     pub rates: Option<Positive>,
+    /// Gives meshes whose vertices are learnt other vertices and faces, at the start of the stage and now and then.
+    pub remesh: Option<Remesh>,
+}
+
+/// How meshes get other vertices and faces. Their topology stays, and what was learnt is carried over.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Remesh {
+    /// How long edges are to be, as a share of the mesh's radius.
+    pub length: Positive,
+    /// Again after so many steps each; absent, once.
+    pub every: Option<Count>,
 }
 
 /// When a fit ends.

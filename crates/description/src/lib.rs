@@ -21,7 +21,7 @@ pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
     Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LensNumber, LossEntry,
-    LossKind, Stage, StopEntry,
+    LossKind, Remesh, Stage, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};

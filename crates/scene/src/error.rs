@@ -7,6 +7,7 @@ use std::path::PathBuf;
 pub use bokashi_description::Location;
 use bokashi_description::{DescriptionError, shortened, shortened_path};
 use bokashi_fit::FitError;
+use bokashi_mesh::MeshError;
 use bokashi_render_ops::RenderError;
 
 /// A number of bytes for people.
@@ -86,6 +87,9 @@ pub enum SceneError {
     /// A rendering operation went wrong.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A surface can't be made, or not be changed.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
 }
 
 impl SceneError {

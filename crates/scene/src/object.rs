@@ -186,6 +186,34 @@ impl Object {
         Ok(())
     }
 
+    /// Why it can't have another surface, in words.
+    pub(crate) fn fixed(&self) -> Option<&'static str> {
+        let colors = self.colors.as_ref().map(|colors| &colors.indices);
+        if self.materials.len() > 1 {
+            Some("has several materials")
+        } else if self.coordinates_of_maps().is_some() {
+            Some("has textures")
+        } else if colors.is_some_and(|indices| indices.faces() != self.mesh.faces()) {
+            Some("has colours at corners of faces, not at vertices")
+        } else {
+            None
+        }
+    }
+
+    /// Gives an object that is not [fixed](Self::fixed) another surface: positions `[V, 3]`, and colours `[V, 3]` if
+    /// it has some.
+    pub(crate) fn set_surface(
+        &mut self,
+        mesh: Mesh,
+        positions: Tensor<f32>,
+        colors: Option<Tensor<f32>>,
+    ) {
+        self.colors = colors.map(|rows| Attribute { rows, indices: mesh.clone() });
+        self.materials.iter_mut().for_each(|material| material.faces = 0..mesh.faces().len());
+        (self.coordinates, self.normals, self.tangents) = (None, None, None);
+        (self.mesh, self.positions) = (mesh, positions);
+    }
+
     /// The least and the largest coordinates in the world; `None` without vertices.
     pub(crate) fn extent(&self) -> Option<[DVec3; 2]> {
         bounds(self.places.iter().flat_map(|m| self.points().map(|p| m.transform_point3(p))))

@@ -6,14 +6,81 @@ use serde::{Deserialize, Serialize};
 use crate::stopping::Seen;
 
 /// The version of what follows.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// How far a fit is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Progress {
     pub(crate) stage: usize,
     pub(crate) seen: Seen,
+    /// How many steps were done when meshes got other vertices last.
+    pub(crate) remeshed: Option<u64>,
+}
+
+/// The surface of an object that got other vertices.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Surface {
+    /// The object's index.
+    pub(crate) object: usize,
+    #[serde(with = "rows")]
+    pub(crate) faces: Vec<[u32; 3]>,
+    #[serde(with = "rows")]
+    pub(crate) positions: Vec<[f32; 3]>,
+    /// Colours at vertices; empty without any.
+    #[serde(with = "rows")]
+    pub(crate) colors: Vec<[f32; 3]>,
+}
+
+/// Rows of three numbers as base64 of their bytes, little-endian.
+mod rows {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+    use serde::de::Error as _;
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    /// A number of four bytes.
+    pub(super) trait Word: Copy {
+        fn bytes(self) -> [u8; 4];
+        fn of_bytes(bytes: [u8; 4]) -> Self;
+    }
+
+    macro_rules! words {
+        ($($word:ty),*) => {$(
+            impl Word for $word {
+                fn bytes(self) -> [u8; 4] {
+                    self.to_le_bytes()
+                }
+                fn of_bytes(bytes: [u8; 4]) -> Self {
+                    Self::from_le_bytes(bytes)
+                }
+            }
+        )*};
+    }
+    words!(u32, f32);
+
+    pub(super) fn serialize<W: Word, S: Serializer>(
+        rows: &[[W; 3]],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let bytes: Vec<_> = rows.as_flattened().iter().flat_map(|word| word.bytes()).collect();
+        serializer.serialize_str(&STANDARD.encode(bytes))
+    }
+
+    pub(super) fn deserialize<'de, W: Word, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<[W; 3]>, D::Error> {
+        let bytes =
+            STANDARD.decode(String::deserialize(deserializer)?).map_err(D::Error::custom)?;
+        let (rows, []) = bytes.as_chunks::<12>() else {
+            return Err(D::Error::custom("rows have three numbers"));
+        };
+        let word = |row: &[u8; 12], k: usize| {
+            W::of_bytes([row[4 * k], row[4 * k + 1], row[4 * k + 2], row[4 * k + 3]])
+        };
+        Ok(rows.iter().map(|row| [0, 1, 2].map(|k| word(row, k))).collect())
+    }
 }
 
 /// What a fit was given.
@@ -27,13 +94,21 @@ pub(crate) struct Origin {
 }
 
 impl Progress {
-    /// The bytes of both; `origin` is as [`Origin::to_bytes`] made it, once for all steps.
-    pub(crate) fn write(&self, origin: &[u8], bytes: &mut Vec<u8>) {
+    /// The bytes of all three; `surfaces` and `origin` are as they were made by [`surfaces_to_bytes`] and
+    /// [`Origin::to_bytes`], once for many steps.
+    pub(crate) fn write(&self, surfaces: &[u8], origin: &[u8], bytes: &mut Vec<u8>) {
         bytes.extend(format!("scene {VERSION}\n").bytes());
         bytes.extend(serde_json::to_vec(self).expect("they are numbers"));
         bytes.push(b'\n');
+        bytes.extend(surfaces);
+        bytes.push(b'\n');
         bytes.extend(origin);
     }
+}
+
+/// The text of surfaces, on one line.
+pub(crate) fn surfaces_to_bytes(surfaces: &[Surface]) -> Vec<u8> {
+    serde_json::to_vec(surfaces).expect("they are numbers and letters")
 }
 
 impl Origin {
@@ -75,17 +150,17 @@ impl Origin {
 ///
 /// # Errors
 /// [`FitError::Saved`] for anything else.
-pub(crate) fn read(state: &[u8]) -> Result<(Progress, Origin), FitError> {
+pub(crate) fn read(state: &[u8]) -> Result<(Progress, Vec<Surface>, Origin), FitError> {
     let rule = || "a fit of a scene, as this version saves it".to_owned();
-    let mut parts = state.splitn(3, |&byte| byte == b'\n');
-    let (head, progress, origin) = (parts.next(), parts.next(), parts.next());
-    if head != Some(format!("scene {VERSION}").as_bytes()) {
+    let mut parts = state.splitn(4, |&byte| byte == b'\n');
+    if parts.next() != Some(format!("scene {VERSION}").as_bytes()) {
         return Err(FitError::saved(rule(), "another"));
     }
     let foreign = |error: serde_json::Error| FitError::saved(rule(), error);
-    let progress = serde_json::from_slice(progress.unwrap_or_default()).map_err(foreign)?;
-    let origin = serde_json::from_slice(origin.unwrap_or_default()).map_err(foreign)?;
-    Ok((progress, origin))
+    let mut next = || parts.next().unwrap_or_default();
+    let progress = serde_json::from_slice(next()).map_err(foreign)?;
+    let surfaces = serde_json::from_slice(next()).map_err(foreign)?;
+    Ok((progress, surfaces, serde_json::from_slice(next()).map_err(foreign)?))
 }
 
 #[cfg(test)]
@@ -98,14 +173,18 @@ mod tests {
     fn whatever_a_state_is_it_is_a_fits_or_refused() {
         let mut rules = StopRules::new(&StopEntry::default(), Seen::default());
         rules.count(0.1 + 0.2);
-        let progress = Progress { stage: 3, seen: rules.seen() };
+        let progress = Progress { stage: 3, seen: rules.seen(), remeshed: Some(7) };
+        let rows = vec![[0.1, -0.0, f32::INFINITY]; 2];
+        let faces = vec![[0, 1, u32::MAX]];
+        let surface = Surface { object: 1, faces, positions: rows, colors: Vec::new() };
+        let surfaces = vec![surface];
         let words = |all: &[(&str, &str)]| -> Given {
             all.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
         };
         let origin = Origin { given: words(&[("a\n", "\"1\"")]), starts: words(&[("b", "")]) };
         let mut bytes = Vec::new();
-        progress.write(&origin.to_bytes(), &mut bytes);
-        assert_eq!(read(&bytes).unwrap(), (progress, origin));
+        progress.write(&surfaces_to_bytes(&surfaces), &origin.to_bytes(), &mut bytes);
+        assert_eq!(read(&bytes).unwrap(), (progress, surfaces, origin));
         for length in 0..bytes.len() {
             assert!(read(&bytes[..length]).is_err(), "{length}");
         }

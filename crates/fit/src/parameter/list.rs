@@ -117,6 +117,37 @@ impl<T: Scalar> Parameters<T> {
         Ok(())
     }
 
+    /// Puts `parameter`, of another list, in the place of the one of its name. It may have another shape and another
+    /// preconditioner, as where a mesh got other vertices: `carry` makes the optimizer's moments of the old ones, which
+    /// have the shape of the old values.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`]; those of `carry`; [`FitError::Setting`] for moments of another shape than
+    /// that of the parameter. The list is then as it was.
+    pub fn replace(
+        &mut self,
+        parameter: &Parameter<T>,
+        carry: impl Fn(&Tensor<T>) -> Result<Tensor<T>, FitError>,
+    ) -> Result<(), FitError> {
+        let index = position(&self.names, &parameter.name)?;
+        let (old, shape) = (&self.list[index], parameter.raw.shape());
+        let carried = |moments: &Vec<T>| {
+            if moments.is_empty() {
+                return Ok(Vec::new());
+            }
+            let carried = carry(&Tensor::new(old.raw.shape(), moments.clone())?)?;
+            if carried.shape() == shape {
+                return Ok(carried.data().to_vec());
+            }
+            let given = format!("{} for {shape} of {:?}", carried.shape(), parameter.name);
+            Err(FitError::setting("moments", "the shape of their parameter", given))
+        };
+        let (first, second) = (carried(&old.first)?, carried(&old.second)?);
+        let (greatest, updates) = (carried(&old.greatest)?, old.updates);
+        self.list[index] = Parameter { first, second, greatest, updates, ..parameter.clone() };
+        Ok(())
+    }
+
     /// Sets the learning rate of the parameter `name`; 0 freezes it.
     ///
     /// # Errors
@@ -246,6 +277,37 @@ mod tests {
         assert_eq!(error.to_string(), message);
         assert!(list.set_value("sigma", &Tensor::scalar(-1.0)).is_err());
         assert_eq!(list.get("sigma").unwrap().item(), 4.0_f64.ln().exp());
+    }
+
+    #[test]
+    fn a_parameter_of_another_shape_has_the_moments_that_were_carried_over() {
+        use crate::optimizer::Optimizer;
+
+        let list = |start: Tensor<f64>| Parameters::new().with(Parameter::new("v", start));
+        let mut short = list(Tensor::from([1.0, 2.0])).unwrap();
+        let tape = Tape::new();
+        let variables = short.record(&tape);
+        let gradients = variables[0].square().sum().backward().unwrap();
+        Optimizer::default().update(&mut short, &variables, &gradients, 1.0).unwrap();
+        let before = short.clone();
+        let long = list(Tensor::from([3.0, 4.0, 5.0])).unwrap();
+        let mean = |x: f64, y: f64| 0.5 * (x + y);
+        let carry = |old: &Tensor<f64>| {
+            let [a, b] = [old.data()[0], old.data()[1]];
+            Ok(Tensor::from([a, mean(a, b), b]))
+        };
+        short.replace(long.get("v").unwrap(), carry).unwrap();
+        let (old, new) = (before.get("v").unwrap(), short.get("v").unwrap());
+        assert_eq!((new.raw(), new.updates), (long.get("v").unwrap().raw(), 1));
+        for (old, new) in [(&old.first, &new.first), (&old.second, &new.second)] {
+            assert_eq!(**new, [old[0], mean(old[0], old[1]), old[1]]);
+        }
+        assert!(new.greatest.is_empty());
+        let error = short.replace(old, |all| Ok(all.clone())).unwrap_err().to_string();
+        assert_eq!(error, "moments needs the shape of their parameter, got [3] for [2] of \"v\"");
+        assert_eq!(short.get("v").unwrap().first.len(), 3);
+        let other = Parameters::new().with(Parameter::new("w", Tensor::scalar(1.0))).unwrap();
+        assert!(short.replace(other.get("w").unwrap(), |all| Ok(all.clone())).is_err());
     }
 
     #[cfg(feature = "precondition")]

@@ -9,15 +9,16 @@ use bokashi_fit::{
     check_alike, check_same, saved,
 };
 
+use super::remeshing::{Carried, check_remeshing};
 use super::stage::{StagePipeline, check_stages, set_rates, settings, views_of, views_per_step};
 use crate::description::{Count, Description, Stage};
 use crate::error::{Location, SceneError};
 use crate::given::starts;
-use crate::learnables::Values;
+use crate::learnables::{Frame, Values};
 use crate::learning::{Learnt, LearntRate};
 use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
-use crate::saved_fit::{self, Origin, Progress};
+use crate::saved_fit::{self, Origin, Progress, Surface, surfaces_to_bytes};
 use crate::scene::{Scene, check_views};
 use crate::stopping::{Seen, StopRules};
 use crate::targets::Targets;
@@ -34,14 +35,14 @@ pub struct SceneFit {
     pub(super) targets: Arc<Targets>,
     /// The views that are learnt from.
     learnt_from: Arc<[usize]>,
-    stages: Vec<Stage>,
-    stage: usize,
+    pub(super) stages: Vec<Stage>,
+    pub(super) stage: usize,
     pub(super) fit: Fit<f32>,
-    pipeline: StagePipeline,
+    pub(super) pipeline: StagePipeline,
     pub(super) rates: Vec<LearntRate>,
     pub(super) ranks: Ranks<f32>,
-    /// Where its parameters start in the scene, until the fit begins.
-    starts: Given,
+    /// The scene as it was loaded, and where its parameters start, until the fit begins.
+    given: Option<(Arc<Scene>, Given)>,
     /// What the fit was given that it goes on from, until it begins.
     from: Option<Origin>,
     /// What was changed since the fit was saved, in words.
@@ -131,30 +132,42 @@ impl SceneFit {
     ) -> Result<Self, SceneError> {
         check_views(&scene.folder, &scene.views, &scene.description, OF_FITTED_PIXEL)?;
         let learnt_from = views_to_learn_from(&scene)?;
-        let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
-        let Learnt { parameters, rates, regularizers, preconditioners } =
-            Learnt::from_scene(renderer.scene())?;
-        let description = &renderer.scene().description;
-        let is_dense =
-            renderer.is_dense() || description.loss.ssim.is_some_and(|share| share.0 > 0.0);
-        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
-        check_stages(renderer.scene(), &rates)?;
+        let description = &scene.description;
         let stages = stages(description);
-        let starts = starts(&parameters);
-        let (progress, from) = match saved_fit {
+        check_remeshing(&scene, &stages)?;
+        let (progress, surfaces, from) = match saved_fit {
             Some(bytes) => {
                 let (_, state) = saved::precision_and_state(bytes)?;
-                let (progress, from) = saved_fit::read(state.unwrap_or_default())?;
-                (progress, Some(from))
+                let (progress, surfaces, from) = saved_fit::read(state.unwrap_or_default())?;
+                (progress, surfaces, Some(from))
             }
-            None => (Progress { stage: 0, seen: Seen::default() }, None),
+            None => (Progress::default(), Vec::new(), None),
         };
+        let (rules, seed) = (StopRules::new(&description.stop, progress.seen), description.seed);
         let stage = progress.stage;
-        let Some(first) = stages.get(stage) else {
+        let Some(first) = stages.get(stage).cloned() else {
             let rule = format!("one of the scene's {} stages", stages.len());
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
         };
-        let (first, seed, settings) = (first.clone(), description.seed, settings(first));
+        let scene = Arc::new(scene);
+        let mut learnt = Learnt::from_scene(&scene)?;
+        let given = Some((Arc::clone(&scene), starts(&learnt.parameters)));
+        let renderer = match surfaces.as_slice() {
+            [] => Renderer::new(scene)?,
+            _ => {
+                let (frame, mut scene) = (Frame::new(&scene), Scene::clone(&scene));
+                surfaces.iter().try_for_each(|surface| surface.put(&mut scene))?;
+                learnt = Learnt::from_scene(&scene)?;
+                Renderer::with_frame(Arc::new(scene), frame)?
+            }
+        };
+        let renderer = Arc::new(renderer);
+        let Learnt { parameters, rates, regularizers, preconditioners } = learnt;
+        check_stages(renderer.scene(), &rates)?;
+        let ssim = renderer.scene().description.loss.ssim;
+        let is_dense = renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0);
+        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
+        let settings = settings(&first);
         let mut fit = match saved_fit {
             Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
             None => Fit::new(parameters, settings)?,
@@ -166,7 +179,9 @@ impl SceneFit {
             views: views_of(&renderer, &targets, &learnt_from, &first, seed)
                 .among(Arc::clone(&ranks)),
             regularizers: regularizers.into(),
-            rules: StopRules::new(&description.stop, progress.seen),
+            rules,
+            remeshed: progress.remeshed,
+            surfaces: surfaces_to_bytes(&surfaces).into(),
             origin: Arc::new([]),
         };
         Ok(Self {
@@ -179,7 +194,7 @@ impl SceneFit {
             pipeline,
             rates,
             ranks,
-            starts,
+            given,
             from,
             changed: Vec::new(),
         })
@@ -188,10 +203,8 @@ impl SceneFit {
     /// The fit, where all ranks, which share this call, were given the same; it knows what was changed since it
     /// was saved.
     fn begun(mut self) -> Result<Self, SceneError> {
-        let origin = Origin {
-            given: self.scene().given_among(&*self.ranks)?,
-            starts: std::mem::take(&mut self.starts),
-        };
+        let Some((scene, starts)) = self.given.take() else { return Ok(self) };
+        let origin = Origin { given: scene.given_among(&*self.ranks)?, starts };
         check_alike(&*self.ranks, &origin.starts)?;
         if let Some(from) = self.from.take() {
             self.changed = from.changed_to(&origin, self.stage)?;
@@ -286,6 +299,7 @@ impl SceneFit {
             }
             self.next_stage()?;
         }
+        self.remesh_if_due()?;
         let stepped = self.fit.step(&mut self.pipeline)?;
         self.pipeline.rules.count(stepped.loss);
         self.fit.keep_state(&self.pipeline);
@@ -317,6 +331,36 @@ impl SceneFit {
             views_of(&self.renderer, &self.targets, &self.learnt_from, next, seed)
                 .among(Arc::clone(&self.ranks));
         self.pipeline.rules.begin_stage();
+        Ok(())
+    }
+
+    /// Goes on with a scene whose meshes have other vertices; `carried` has what was learnt over to them.
+    ///
+    /// # Errors
+    /// What the new meshes are refused for. The fit is then as it was.
+    pub(super) fn put_scene(&mut self, scene: Scene, carried: &Carried) -> Result<(), SceneError> {
+        let learnt = Learnt::from_scene(&scene)?;
+        let surfaces = surfaces_to_bytes(&Surface::all(&scene)?);
+        let frame = self.renderer.frame().clone();
+        let renderer = Arc::new(Renderer::with_frame(Arc::new(scene), frame)?);
+        let mut parameters = self.fit.parameters().clone();
+        for parameter in learnt.parameters.iter() {
+            if let Some(derived) = carried.get(parameter.name()) {
+                let carry = |old: &_| derived.carry(old).map_err(FitError::operation);
+                parameters.replace(parameter, carry)?;
+            }
+        }
+        let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
+        set_rates(&mut parameters, &learnt.rates, stage)?;
+        *self.fit.parameters_mut() = parameters;
+        (self.rates, self.renderer) = (learnt.rates, renderer);
+        self.pipeline.views =
+            views_of(&self.renderer, &self.targets, &self.learnt_from, stage, seed)
+                .among(Arc::clone(&self.ranks));
+        self.pipeline.regularizers = learnt.regularizers.into();
+        self.pipeline.surfaces = surfaces.into();
+        self.pipeline.remeshed = Some(self.steps_done());
+        self.fit.keep_state(&self.pipeline);
         Ok(())
     }
 
@@ -374,6 +418,7 @@ fn stages(description: &Description) -> Vec<Stage> {
             reduce: None,
             views_per_step: description.stop.views_per_step,
             rates: None,
+            remesh: None,
         }],
         stages => stages.to_vec(),
     }

@@ -31,6 +31,10 @@ pub(super) struct StagePipeline {
     pub(super) views: Views<f32, Loss>,
     pub(super) regularizers: Arc<[Regularizer]>,
     pub(super) rules: StopRules,
+    /// How many steps were done when meshes got other vertices last.
+    pub(super) remeshed: Option<u64>,
+    /// The meshes that got other vertices, as they are saved.
+    pub(super) surfaces: Arc<[u8]>,
     /// What the fit was given, as it is saved.
     pub(super) origin: Arc<[u8]>,
 }
@@ -43,8 +47,9 @@ impl Pipeline<f32> for StagePipeline {
     }
 
     fn save_state(&self, state: &mut Vec<u8>) {
-        let progress = Progress { stage: self.stage, seen: self.rules.seen() };
-        progress.write(&self.origin, state);
+        let Self { stage, remeshed, .. } = *self;
+        let progress = Progress { stage, seen: self.rules.seen(), remeshed };
+        progress.write(&self.surfaces, &self.origin, state);
     }
 
     fn restore_state(&mut self, _state: &[u8]) -> Result<(), FitError> {

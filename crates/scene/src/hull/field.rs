@@ -31,7 +31,8 @@ pub(super) fn sampled(grid: &Grid, field: impl Fn(DVec3) -> f64 + Sync) -> Vec<f
     let reach = STEEPNESS * 0.5 * 3.0_f64.sqrt() * SIDE as f64 * grid.spacing();
     let mut values = vec![Vec::new(); blocks.iter().product()];
     let range = |block: usize, axis: usize| {
-        let place = [block / (blocks[1] * blocks[2]), block / blocks[2] % blocks[1], block % blocks[2]];
+        let place =
+            [block / (blocks[1] * blocks[2]), block / blocks[2] % blocks[1], block % blocks[2]];
         let first = SIDE * place[axis];
         first..=(first + SIDE - 1).min(shape[axis] - 1)
     };

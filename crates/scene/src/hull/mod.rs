@@ -58,13 +58,16 @@ pub(crate) fn hull_of_views(
     agreement: f64,
 ) -> Result<Result<Geometry, String>, SceneError> {
     let views: Vec<_> = views.iter().filter(|view| !view.held_out).collect();
-    let mut read = vec![None; views.len()];
+    let mut read: Vec<_> = views.iter().map(|_| None).collect();
     for_each_item_mut(&mut read, |k, read| *read = Some(silhouette_of(folder, views[k])));
     let read: Result<Vec<_>, _> = read.into_iter().flatten().collect();
     let silhouettes: Vec<_> = read?.into_iter().flatten().collect();
     if silhouettes.is_empty() {
         let rule = "a hull needs views with masks, or images with opacity";
-        return Ok(Err(format!("{rule}, and of {} that are learnt from none has one", views.len())));
+        return Ok(Err(format!(
+            "{rule}, and of {} that are learnt from none has one",
+            views.len()
+        )));
     }
     let cameras: Vec<_> = silhouettes.iter().map(Silhouette::camera).collect();
     let Some((middle, radius)) = gaze(&cameras) else {
@@ -137,7 +140,8 @@ impl Hull {
             extent = [low.max(extent[0]), high.min(extent[1])];
         }
         let grid = Grid::around(extent[0].to_array(), extent[1].to_array(), fine)?;
-        let values = Tensor::new(grid.shape(), self.values(&grid, extent))?;
+        let values =
+            Tensor::new(grid.shape(), self.values(&grid, extent)).map_err(MeshError::from)?;
         let (positions, mesh) = extract_surface(&values, None, &grid)?;
         Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
     }

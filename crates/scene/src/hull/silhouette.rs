@@ -172,7 +172,8 @@ mod tests {
     #[test]
     fn a_silhouette_runs_where_the_share_of_a_pixel_says() {
         // All columns up to 3 are covered, and a quarter of column 4.
-        let mask = Tensor::from_flat_fn([9, 9], |k| [1.0, 1.0, 1.0, 1.0, 0.25, 0.0][(k % 9).min(5)]);
+        let mask =
+            Tensor::from_flat_fn([9, 9], |k| [1.0, 1.0, 1.0, 1.0, 0.25, 0.0][(k % 9).min(5)]);
         let silhouette = Silhouette::new(camera(), &mask);
         let distance = silhouette.distances(DVec3::ZERO);
         for (pixels, expected) in [(0.0, 0.25), (2.0, 1.5), (-3.0, -2.5)] {

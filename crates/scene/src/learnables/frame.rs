@@ -16,6 +16,7 @@ use crate::scene::Scene;
 ///
 /// Where the scene lies far from the origin, it is drawn nearer to it: `origin` is taken off all that has a place, so
 /// that numbers of `f32` keep their bits.
+#[derive(Clone)]
 pub(crate) struct Frame {
     pub(crate) origin: DVec3,
     pub(crate) radius: f64,

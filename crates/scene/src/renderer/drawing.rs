@@ -99,6 +99,14 @@ impl Renderer {
     /// [`SceneError::Render`] for meshes or an environment of a size that the engine refuses.
     pub fn new(scene: Arc<Scene>) -> Result<Self, SceneError> {
         let frame = Frame::new(&scene);
+        Self::with_frame(scene, frame)
+    }
+
+    /// What draws `scene`, whose meshes were others when it had these measures.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn with_frame(scene: Arc<Scene>, frame: Frame) -> Result<Self, SceneError> {
         let parts = Parts::new(&scene.objects, frame.origin)?;
         let filter = scene.description.pipeline.texture_filter;
         Ok(Self {
