@@ -20,7 +20,7 @@ use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
 use crate::saved_fit::{self, Origin, Progress, Surface, surfaces_to_bytes};
 use crate::scene::{Scene, check_views};
-use crate::stopping::{Seen, StopRules};
+use crate::stopping::StopRules;
 use crate::targets::Targets;
 
 /// Steps of a fit that does not say.

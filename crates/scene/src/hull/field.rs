@@ -2,25 +2,25 @@
 
 use std::ops::RangeInclusive;
 
-use bokashi_core::parallel::for_each_item_mut;
+use bokashi_core::parallel::{for_each_item_mut, write_each};
 use bokashi_mesh::Grid;
 use glam::DVec3;
 
 /// Points along a side of a block.
 const SIDE: usize = 8;
+/// Points that are worth a thread.
+const POINTS_PER_PIECE: usize = 1 << 15;
 /// How many times faster than the distance in the world the field may change: perspective makes near things large.
 const STEEPNESS: f64 = 2.0;
 
-/// The largest of a point's distances from silhouettes, without the `left_out` share of the largest ones. Where it is below 0, the point is
-/// inside for all other views; where fewer than half of all `views` say anything, it is `outside`.
-pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: f64, outside: f64) -> f64 {
-    if 2 * distances.len() < views || distances.is_empty() {
+/// The largest of a point's distances from silhouettes, without so many of the largest ones. Where it is below 0, the
+/// point is inside for all other views. Where fewer than half of all `views` say anything, it is `outside`.
+pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: usize, outside: f64) -> f64 {
+    if 2 * distances.len() < views || distances.len() <= left_out {
         return outside;
     }
-    let last = distances.len() - 1;
-    // Two hundredths of 50 views are one of them, whatever rounding says.
-    let skipped = ((left_out * distances.len() as f64 + 1e-9) as usize).min(last);
-    *distances.select_nth_unstable_by(last - skipped, f64::total_cmp).1
+    let taken = distances.len() - 1 - left_out;
+    *distances.select_nth_unstable_by(taken, f64::total_cmp).1
 }
 
 /// The `field` at all points of the grid. Blocks of points that lie far from its surface have the number of the block's
@@ -71,4 +71,21 @@ pub(super) fn sampled(grid: &Grid, field: impl Fn(DVec3) -> f64 + Sync) -> Vec<f
         }
     };
     (0..grid.point_count()).map(value).collect()
+}
+
+/// Means of a field over neighbours, with the weights 1, 2 and 1 along each axis: of a third of a cell's width and less
+/// neither a sheet nor a gap is left.
+pub(super) fn smoothed(grid: &Grid, mut values: Vec<f32>) -> Vec<f32> {
+    let [_, ny, nz] = grid.shape();
+    let mut means = vec![0.0; values.len()];
+    for (extent, stride) in grid.shape().into_iter().zip([ny * nz, nz, 1]) {
+        write_each(&mut means, POINTS_PER_PIECE, |point| {
+            let place = point / stride % extent;
+            let before = values[if place > 0 { point - stride } else { point }];
+            let after = values[if place + 1 < extent { point + stride } else { point }];
+            0.25 * (before + after) + 0.5 * values[point]
+        });
+        std::mem::swap(&mut values, &mut means);
+    }
+    values
 }

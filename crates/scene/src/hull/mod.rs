@@ -2,8 +2,9 @@
 //!
 //! # Formula
 //! A point is outside of the hull as far as its image is outside of a silhouette: the field is the largest of its distances
-//! over all views, below 0 inside. The hull is where it is 0. A view may be wrong, its mask or its camera. So a share of
-//! the largest distances is left out: those of views that the others do not agree with.
+//! over all views, below 0 inside. The hull is where it is 0. A view may be wrong, its mask or its camera, and would carve
+//! the object away. So some of the largest distances are left out at each place. How many, the masks say: the hull
+//! is taken whose images overlap with them most.
 //!
 //! # Errors
 //! A hull is never smaller than the object, but for views that are wrong. Hollows that no silhouette shows are filled. Things
@@ -17,37 +18,43 @@ mod silhouette;
 
 use bokashi_core::Tensor;
 use bokashi_core::parallel::for_each_item_mut;
-use bokashi_mesh::{Grid, MeshError, extract_surface};
+use bokashi_mesh::{
+    Connectivity, Grid, MeshError, RemeshOptions, extract_surface, remesh, surface_area,
+};
 use bokashi_render_ops::Mesh;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-use self::field::{agreed, sampled};
+use self::field::{agreed, sampled, smoothed};
 use self::silhouette::Silhouette;
 use crate::error::SceneError;
 use crate::folder::Folder;
 use crate::gaze::gaze;
-use crate::model::{Geometry, Submesh, far_offset};
+use crate::model::{Geometry, NO_ROW, Submesh, far_offset};
 use crate::picture::reduced;
 use crate::scene_view::SceneView;
 
 /// How much farther than the ball that all views see whole a hull is looked for.
 const FARTHER: f64 = 1.5;
-/// Cells along the longest side: where the hull is looked for, twice, and at last.
-const CELLS: [usize; 3] = [40, 40, 128];
+/// Cells along the longest side: where a hull is looked for, where its images are compared with the masks, and at last.
+const CELLS: [usize; 3] = [40, 64, 128];
+/// How much more has to overlap where another view is left out: places of the grid tell no less apart.
+const WORTH: f64 = 0.02;
+/// Where views barely agree, a hull has sheets and gaps thinner than a cell, which would be a net of handles.
+const SMOOTHINGS: usize = 2;
 /// How far from the hull a point may be, in cells, whose neighbour may be inside: distances of images change faster
 /// than those of the world where something is near.
 const NEAR: f64 = 2.0;
 /// Masks are made smaller where they are longer, in pixels: a cell is as large as several of these.
 const LONGEST: usize = 640;
 
-/// The share of views that agree, where a scene does not say.
-pub(crate) const AGREEMENT: f64 = 0.9;
+/// The least share of views that agree, where a scene does not say.
+pub(crate) const AGREEMENT: f64 = 0.8;
 /// Parts of a hull that are smaller than this share of the largest are left out: places that no view can tell are empty.
 const SMALLEST: f64 = 0.02;
 
-/// The hull of all `views` that have a mask and are not held out, with about so many faces; of these views a share
-/// `agreement` has to agree. What is wrong with them is said in words.
+/// The hull of all `views` that have a mask and are not held out, with about so many faces; at each place a share
+/// `agreement` of these views and more agree. What is wrong with them is said in words.
 ///
 /// # Errors
 /// Whatever is wrong with a file of a mask.
@@ -74,12 +81,48 @@ pub(crate) fn hull_of_views(
         let rule = "a hull needs cameras that look at one place from several sides";
         return Ok(Err(format!("{rule}, and those of {} views with masks do not", cameras.len())));
     };
-    let hull = Hull { silhouettes, middle, radius, left_out: 1.0 - agreement };
-    let Some((positions, mesh)) = hull.surface()? else {
+    // A tenth of 20 views are two of them, whatever rounding says.
+    let most = ((1.0 - agreement) * silhouettes.len() as f64 + 1e-9) as usize;
+    let hull = Hull { silhouettes, middle, radius };
+    let Some((positions, mesh)) = hull.surface(most)? else {
         let rule = "a hull needs a place that is inside the masks";
         return Ok(Err(format!("{rule} of {agreement} of all views, and there is none")));
     };
-    Ok(Ok(geometry(&positions, &mesh, middle)))
+    let (positions, mesh) = without_small_parts(&positions, &mesh)?;
+    // That of a face of equal edges.
+    let area = surface_area(&positions, &mesh)? / faces as f64;
+    let length = (4.0 / 3.0_f64.sqrt() * area).sqrt();
+    let even = remesh(&positions, &mesh, &RemeshOptions::uniform(length))?;
+    Ok(Ok(geometry(&even.positions, &even.mesh, middle)))
+}
+
+/// The surface without parts that are [smaller](SMALLEST) than the largest.
+fn without_small_parts(
+    positions: &Tensor<f32>,
+    mesh: &Mesh,
+) -> Result<(Tensor<f32>, Mesh), MeshError> {
+    let connectivity = Connectivity::new(mesh);
+    let points = positions.data().as_chunks::<3>().0;
+    let point = |vertex: u32| DVec3::from(points[vertex as usize].map(f64::from));
+    let mut volumes = vec![0.0; connectivity.parts()];
+    let parts = || (0..mesh.faces().len()).map(|face| connectivity.part_of(face).unwrap_or(0));
+    for (face, part) in mesh.faces().iter().zip(parts()) {
+        let [a, b, c] = face.map(point);
+        volumes[part] += a.cross(b).dot(c);
+    }
+    let least = SMALLEST * volumes.iter().copied().fold(0.0, f64::max);
+    let kept = mesh.faces().iter().zip(parts()).filter(|&(_, part)| volumes[part] >= least);
+    let faces: Vec<_> = kept.map(|(face, _)| *face).collect();
+    let mut names = vec![NO_ROW; points.len()];
+    faces.as_flattened().iter().for_each(|&vertex| names[vertex as usize] = 0);
+    let mut rows = Vec::new();
+    for (name, row) in names.iter_mut().zip(points).filter(|(name, _)| **name != NO_ROW) {
+        *name = rows.len() as u32;
+        rows.push(*row);
+    }
+    let faces = faces.into_iter().map(|face| face.map(|vertex| names[vertex as usize])).collect();
+    let mesh = Mesh::new(faces, rows.len())?;
+    Ok((Tensor::from(rows.as_slice()), mesh))
 }
 
 /// The silhouette of a view, if it has a mask.
@@ -114,21 +157,47 @@ struct Hull {
     /// The middle and the radius of the ball that all views see whole.
     middle: DVec3,
     radius: f64,
-    /// The share of the views that may be wrong.
-    left_out: f64,
 }
 
+/// A box around the middle: its least and its largest corner.
+type Extent = [DVec3; 2];
+
 impl Hull {
-    /// Its surface: vertices `[V, 3]` around its middle, and faces. `None` where no place is inside.
+    /// Its surface: vertices `[V, 3]` around its middle, and faces. `None` where no place is inside. Up to `most` views
+    /// are left out at each place.
     ///
     /// # Errors
     /// None: those of a grid that numbers of `f32` do not tell apart.
-    fn surface(&self) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
+    fn surface(&self, most: usize) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
+        let Some(extent) = self.extent(most)? else { return Ok(None) };
+        let [.., rough, fine] = CELLS;
+        // 0, 1, 2, 4, 8 ..: a hull grows with the number.
+        let doubled = std::iter::successors(Some(1), |count| Some(2 * count));
+        let mut best = (0, f64::NEG_INFINITY);
+        let grid = around(extent, rough)?;
+        for left_out in std::iter::once(0).chain(doubled).take_while(|&count| count <= most) {
+            let overlap = self.overlap(&grid, &self.values(&grid, extent, left_out));
+            eprintln!("{left_out} {overlap}");
+            if overlap > best.1 + WORTH {
+                best = (left_out, overlap);
+            }
+        }
+        let grid = around(extent, fine)?;
+        let mut values = self.values(&grid, extent, best.0);
+        for _ in 0..SMOOTHINGS {
+            values = smoothed(&grid, values);
+        }
+        let values = Tensor::new(grid.shape(), values).map_err(MeshError::from)?;
+        let (positions, mesh) = extract_surface(&values, None, &grid)?;
+        Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
+    }
+
+    /// A box that the hull lies in, with so many views left out; `None` where there is none.
+    fn extent(&self, left_out: usize) -> Result<Option<Extent>, MeshError> {
         let mut extent = [-FARTHER, FARTHER].map(|share| DVec3::splat(share * self.radius));
-        let [rough @ .., fine] = CELLS;
-        for cells in rough {
-            let grid = Grid::around(extent[0].to_array(), extent[1].to_array(), cells)?;
-            let values = self.values(&grid, extent);
+        for _ in 0..2 {
+            let grid = around(extent, CELLS[0])?;
+            let values = self.values(&grid, extent, left_out);
             let near = NEAR * grid.spacing();
             let points = (0..).zip(&values).filter(|&(_, &value)| f64::from(value) < near);
             let places = points.map(|(point, _)| DVec3::from(grid.position(point)));
@@ -139,15 +208,24 @@ impl Hull {
             };
             extent = [low.max(extent[0]), high.min(extent[1])];
         }
-        let grid = Grid::around(extent[0].to_array(), extent[1].to_array(), fine)?;
-        let values =
-            Tensor::new(grid.shape(), self.values(&grid, extent)).map_err(MeshError::from)?;
-        let (positions, mesh) = extract_surface(&values, None, &grid)?;
-        Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
+        Ok(Some(extent))
+    }
+
+    /// How alike the masks and the images of the hull with these values are: the mean over all views of the share
+    /// that both cover of what one of them covers.
+    fn overlap(&self, grid: &Grid, values: &[f32]) -> f64 {
+        let inside = (0..).zip(values).filter(|(_, value)| **value < 0.0);
+        let points = inside.map(|(point, _)| self.middle + DVec3::from(grid.position(point)));
+        let points: Vec<_> = points.collect();
+        let mut shares = vec![0.0; self.silhouettes.len()];
+        for_each_item_mut(&mut shares, |view, share| {
+            *share = self.silhouettes[view].overlap(&points, self.middle, grid.spacing());
+        });
+        shares.iter().sum::<f64>() / shares.len() as f64
     }
 
     /// The field at the points of a grid; beyond `extent` all is outside.
-    fn values(&self, grid: &Grid, [low, high]: [DVec3; 2]) -> Vec<f32> {
+    fn values(&self, grid: &Grid, [low, high]: Extent, left_out: usize) -> Vec<f32> {
         let distances: Vec<_> =
             self.silhouettes.iter().map(|silhouette| silhouette.distances(self.middle)).collect();
         sampled(grid, |place| {
@@ -155,7 +233,12 @@ impl Hull {
             let point = self.middle + place;
             let mut said: SmallVec<[f64; 64]> =
                 distances.iter().filter_map(|distance| distance(point)).collect();
-            agreed(&mut said, distances.len(), self.left_out, self.radius).max(beyond)
+            agreed(&mut said, distances.len(), left_out, self.radius).max(beyond)
         })
     }
+}
+
+/// The grid around a box with so many cells along its longest side.
+fn around([low, high]: Extent, cells: usize) -> Result<Grid, MeshError> {
+    Grid::around(low.to_array(), high.to_array(), cells)
 }

@@ -8,6 +8,9 @@ use crate::cameras::Camera;
 /// From the corner of a pixel to its centre.
 const HALF: f64 = 0.5;
 
+/// How many times wider than a grid's cell a block of pixels is, so that no block inside is without a point.
+const WIDER: f64 = 1.5;
+
 /// A silhouette, and the camera that sees it.
 #[derive(Debug, Clone)]
 pub(super) struct Silhouette {
@@ -47,11 +50,37 @@ impl Silhouette {
     /// around `middle`: below 0 inside of it. `None` where the view does not say: behind the camera, and beyond the image's
     /// border next to an object that the border cuts off.
     pub(super) fn distances(&self, middle: DVec3) -> impl Fn(DVec3) -> Option<f64> {
-        let [fx, fy, ..] = self.camera.intrinsics;
-        let depth = self.camera.view.transform_point3(middle).length();
-        let unit = depth / (fx * fy).abs().sqrt();
+        let unit = self.unit(middle);
         let pixels = self.camera.pixels();
         move |point| Some(unit * self.at(pixels(point)?)?)
+    }
+
+    /// Of the mask and the image of `points`, which stand `spacing` apart around `middle`: the share that both cover of
+    /// what one of them covers. Both cover a block of pixels, as wide as the points are apart, where they cover some of it.
+    pub(super) fn overlap(&self, points: &[DVec3], middle: DVec3, spacing: f64) -> f64 {
+        let [width, height] = [self.camera.size.width, self.camera.size.height];
+        let side = (WIDER * spacing / self.unit(middle)).ceil().max(1.0) as usize;
+        let [columns, rows] = [width, height].map(|extent| extent.div_ceil(side));
+        let mut blocks = vec![[false; 2]; columns * rows];
+        for (k, _) in self.distances.iter().enumerate().filter(|(_, distance)| **distance < 0.0) {
+            blocks[k / width / side * columns + k % width / side][0] = true;
+        }
+        let pixels = self.camera.pixels();
+        for pixel in points.iter().filter_map(|&point| pixels(point)) {
+            let pixel = (pixel + HALF).floor();
+            if (0.0..width as f64).contains(&pixel.x) && (0.0..height as f64).contains(&pixel.y) {
+                let [column, row] = [pixel.x, pixel.y].map(|x| x as usize / side);
+                blocks[row * columns + column][1] = true;
+            }
+        }
+        let count = |is_one: fn(&[bool; 2]) -> bool| blocks.iter().filter(|b| is_one(b)).count();
+        count(|[a, b]| *a && *b) as f64 / count(|[a, b]| *a || *b).max(1) as f64
+    }
+
+    /// The width of a pixel at a place of the world.
+    fn unit(&self, place: DVec3) -> f64 {
+        let [fx, fy, ..] = self.camera.intrinsics;
+        self.camera.view.transform_point3(place).length() / (fx * fy).abs().sqrt()
     }
 
     /// The distance at a place of the image, between those of the four pixels around it.
