@@ -1,5 +1,20 @@
 //! Triangle meshes that change: remeshing, subdivision, distances between surfaces, surfaces of fields.
 
+mod box_tree;
+mod connectivity;
+mod crossing;
+mod derived_mesh;
+mod edges;
 mod error;
+#[cfg(test)]
+mod fixtures;
+mod measures;
+mod placed;
+mod remesh;
+mod triangle;
 
+pub use connectivity::Connectivity;
+pub use derived_mesh::DerivedMesh;
 pub use error::MeshError;
+pub use measures::{self_intersections, signed_volume, surface_area};
+pub use remesh::{EdgeLengths, RemeshOptions, remesh};
