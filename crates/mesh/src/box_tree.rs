@@ -1,6 +1,7 @@
 //! A tree of boxes around faces: which of them can meet a box.
 
 use bokashi_render_ops::glam::DVec3;
+use smallvec::SmallVec;
 
 /// A box whose sides are parallel to the axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,73 +49,70 @@ const PER_LEAF: usize = 4;
 struct Node {
     bounds: Bounds,
     parent: u32,
-    /// The first of two children, which are neighbours; [`NONE`] for a leaf.
-    children: u32,
-    /// The first item of a leaf.
-    first: u32,
+    /// The first of two children, which are neighbours; of a leaf its place in the list of leaves.
+    below: u32,
+    is_leaf: bool,
 }
+
+/// The items of a leaf, side by side in memory.
+type Leaf = SmallVec<[(Bounds, u32); PER_LEAF]>;
 
 /// Items 0, 1, 2, ... by their boxes. These may change and items may be added: boxes of nodes only grow.
 #[derive(Debug)]
 pub(crate) struct BoxTree {
     nodes: Vec<Node>,
-    bounds: Vec<Bounds>,
-    /// Per item: its leaf, and the next item of the leaf.
-    leaves: Vec<u32>,
-    next: Vec<u32>,
+    leaves: Vec<Leaf>,
+    /// Per item the node of its leaf.
+    nodes_of: Vec<u32>,
 }
 
 impl BoxTree {
-    pub(crate) fn new(bounds: Vec<Bounds>) -> Self {
-        let mut items: Vec<u32> = (0..bounds.len() as u32).collect();
-        let (leaves, next) = (vec![NONE; bounds.len()], vec![NONE; bounds.len()]);
-        let mut tree = Self { nodes: Vec::new(), bounds, leaves, next };
-        tree.nodes.push(Node {
-            bounds: Bounds::NOTHING,
-            parent: NONE,
-            children: NONE,
-            first: NONE,
-        });
-        let mut open = vec![(0_u32, 0, items.len())];
+    pub(crate) fn new(bounds: &[Bounds]) -> Self {
+        let mut items: Vec<(Bounds, u32)> = bounds.iter().copied().zip(0..).collect();
+        let root = Node { bounds: Bounds::NOTHING, parent: NONE, below: NONE, is_leaf: false };
+        let mut tree =
+            Self { nodes: vec![root], leaves: Vec::new(), nodes_of: vec![NONE; bounds.len()] };
+        let mut open = vec![(0_usize, 0, items.len())];
         while let Some((node, start, end)) = open.pop() {
             let within = &mut items[start..end];
-            let union = |all: Bounds, item: &u32| all.with(&tree.bounds[*item as usize]);
-            tree.nodes[node as usize].bounds = within.iter().fold(Bounds::NOTHING, union);
+            let mut middles = Bounds::NOTHING;
+            for (bounds, _) in &*within {
+                tree.nodes[node].bounds = tree.nodes[node].bounds.with(bounds);
+                let middle = bounds.middle();
+                middles = middles.with(&Bounds { low: middle, high: middle });
+            }
             if within.len() <= PER_LEAF {
-                within.iter().rev().for_each(|item| tree.put(*item, node));
+                within.iter().for_each(|(_, item)| tree.nodes_of[*item as usize] = node as u32);
+                (tree.nodes[node].below, tree.nodes[node].is_leaf) =
+                    (tree.leaves.len() as u32, true);
+                tree.leaves.push(Leaf::from_slice(within));
                 continue;
             }
-            let middle = |item: &u32| tree.bounds[*item as usize].middle();
-            let points: Bounds = within.iter().fold(Bounds::NOTHING, |all, item| {
-                let point = middle(item);
-                all.with(&Bounds { low: point, high: point })
-            });
-            let axis = (points.high - points.low).max_position();
+            let axis = (middles.high - middles.low).max_position();
             let half = within.len() / 2;
-            within.select_nth_unstable_by(half, |left, right| {
-                middle(left)[axis].total_cmp(&middle(right)[axis]).then(left.cmp(right))
+            within.select_nth_unstable_by(half, |one, other| {
+                one.0.middle()[axis].total_cmp(&other.0.middle()[axis]).then(one.1.cmp(&other.1))
             });
-            let children = tree.nodes.len() as u32;
-            tree.nodes[node as usize].children = children;
-            for range in [(start, start + half), (start + half, end)] {
-                open.push((tree.nodes.len() as u32, range.0, range.1));
-                let bounds = Bounds::NOTHING;
-                tree.nodes.push(Node { bounds, parent: node, children: NONE, first: NONE });
+            tree.nodes[node].below = tree.nodes.len() as u32;
+            for (start, end) in [(start, start + half), (start + half, end)] {
+                open.push((tree.nodes.len(), start, end));
+                let (bounds, parent) = (Bounds::NOTHING, node as u32);
+                tree.nodes.push(Node { bounds, parent, below: NONE, is_leaf: false });
             }
         }
         tree
     }
 
-    fn put(&mut self, item: u32, leaf: u32) {
-        self.leaves[item as usize] = leaf;
-        self.next[item as usize] = self.nodes[leaf as usize].first;
-        self.nodes[leaf as usize].first = item;
+    fn leaf_of(&mut self, item: u32) -> &mut Leaf {
+        let node = self.nodes_of[item as usize];
+        &mut self.leaves[self.nodes[node as usize].below as usize]
     }
 
     /// Gives an item another box.
     pub(crate) fn change(&mut self, item: u32, bounds: Bounds) {
-        self.bounds[item as usize] = bounds;
-        let mut node = self.leaves[item as usize];
+        let found = self.leaf_of(item).iter_mut().find(|it| it.1 == item);
+        found.into_iter().for_each(|it| it.0 = bounds);
+        let mut node = self.nodes_of[item as usize];
         while node != NONE {
             let Node { bounds: all, parent, .. } = &mut self.nodes[node as usize];
             if all.has(&bounds) {
@@ -127,33 +125,30 @@ impl BoxTree {
 
     /// Adds the next item to the leaf of `other`, which lies nearby.
     pub(crate) fn add_beside(&mut self, other: u32, bounds: Bounds) {
-        let item = self.bounds.len() as u32;
-        self.bounds.push(bounds);
-        self.leaves.push(NONE);
-        self.next.push(NONE);
-        self.put(item, self.leaves[other as usize]);
+        let item = self.nodes_of.len() as u32;
+        self.nodes_of.push(self.nodes_of[other as usize]);
+        self.leaf_of(item).push((bounds, item));
         self.change(item, bounds);
     }
 
-    /// Calls `found` with each item whose box meets `bounds`, in an order that depends on what was done alone.
-    pub(crate) fn for_each_near(&self, bounds: &Bounds, mut found: impl FnMut(u32)) {
-        let mut open = smallvec::SmallVec::<[u32; 64]>::new();
+    /// Calls `found` with each item whose box meets `bounds`, and that box, in an order that depends on what was done
+    /// alone.
+    pub(crate) fn for_each_near(&self, bounds: &Bounds, mut found: impl FnMut(u32, &Bounds)) {
+        let mut open = SmallVec::<[u32; 64]>::new();
         open.push(0);
         while let Some(index) = open.pop() {
             let node = &self.nodes[index as usize];
             if !node.bounds.meets(bounds) {
                 continue;
             }
-            if node.children != NONE {
-                open.extend([node.children + 1, node.children]);
+            if !node.is_leaf {
+                open.extend([node.below + 1, node.below]);
                 continue;
             }
-            let mut item = node.first;
-            while item != NONE {
-                if self.bounds[item as usize].meets(bounds) {
-                    found(item);
+            for (around, item) in &self.leaves[node.below as usize] {
+                if around.meets(bounds) {
+                    found(*item, around);
                 }
-                item = self.next[item as usize];
             }
         }
     }
@@ -170,7 +165,7 @@ mod tests {
 
     fn near(tree: &BoxTree, bounds: &Bounds) -> Vec<u32> {
         let mut found = Vec::new();
-        tree.for_each_near(bounds, |item| found.push(item));
+        tree.for_each_near(bounds, |item, _| found.push(item));
         found.sort_unstable();
         found
     }
@@ -178,7 +173,7 @@ mod tests {
     #[test]
     fn what_meets_a_box_is_found_also_after_changes() {
         let mut boxes: Vec<_> = (0..200).map(cell).collect();
-        let mut tree = BoxTree::new(boxes.clone());
+        let mut tree = BoxTree::new(&boxes);
         for k in 0..100 {
             let changed = cell(k * 3 + 1);
             boxes[k] = changed;
@@ -195,6 +190,6 @@ mod tests {
 
     #[test]
     fn without_items_nothing_is_found() {
-        assert!(near(&BoxTree::new(Vec::new()), &cell(0)).is_empty());
+        assert!(near(&BoxTree::new(&[]), &cell(0)).is_empty());
     }
 }

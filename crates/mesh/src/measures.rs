@@ -61,12 +61,12 @@ pub fn self_intersections<T: Scalar>(
         if repeats_a_vertex(*face) { Bounds::around(&[]) } else { Bounds::around(corners) }
     });
     let bounds: Vec<_> = bounds.collect();
-    let tree = BoxTree::new(bounds.clone());
+    let tree = BoxTree::new(&bounds);
     let work = |range: std::ops::Range<usize>| {
         let mut pairs = Vec::new();
         for f in range {
             let first = pairs.len();
-            tree.for_each_near(&bounds[f], |other| {
+            tree.for_each_near(&bounds[f], |other, _| {
                 let g = other as usize;
                 if g > f && cross((&faces[f], &corners[f]), (&faces[g], &corners[g])) {
                     pairs.push([f as u32, other]);

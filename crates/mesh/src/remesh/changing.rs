@@ -308,7 +308,8 @@ impl<'a> Changing<'a> {
                 Bounds::around(&self.corners(*face))
             }
         };
-        self.tree = Some(BoxTree::new(self.faces.iter().map(bounds).collect()));
+        let bounds: Vec<_> = self.faces.iter().map(bounds).collect();
+        self.tree = Some(BoxTree::new(&bounds));
     }
 }
 

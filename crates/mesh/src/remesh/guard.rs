@@ -69,15 +69,14 @@ impl Changing<'_> {
             proposals.iter().map(|it| Bounds::around(&it.points)).collect();
         let all = bounds.iter().fold(Bounds::around(&[]), |all, it| all.with(it));
         let mut crossings = 0;
-        tree.for_each_near(&all, |other| {
+        tree.for_each_near(&all, |other, around| {
             if gone.contains(&other) {
                 return;
             }
             let face = self.faces[other as usize];
             let points = self.corners(face);
-            let around = Bounds::around(&points);
             for (proposal, bounds) in proposals.iter().zip(&bounds) {
-                let meets = bounds.meets(&around);
+                let meets = bounds.meets(around);
                 if meets && cross((&proposal.face, &proposal.points), (&face, &points)) {
                     crossings += 1;
                 }

@@ -14,7 +14,7 @@ use crate::triangle::area_vector;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
 /// A way shorter than this share of the length asked for is not gone.
-const STILL: f64 = 1e-3;
+const STILL: f64 = 0.01;
 
 impl Changing<'_> {
     /// Moves the free vertices, one after another in their order.

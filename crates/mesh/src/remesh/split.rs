@@ -43,8 +43,17 @@ impl Changing<'_> {
         }
     }
 
+    /// Splits an edge unless one of its faces has a longer one, which comes first: where that may not be split,
+    /// edges beside it would be halved without end.
     fn try_split(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
+        let length = self.relative_length(a, b);
+        let is_shorter = |(_, across): (u32, u32)| {
+            [a, b].iter().any(|end| self.relative_length(*end, across) > length)
+        };
+        if edge.sides().any(is_shorter) {
+            return false;
+        }
         let (site, point) = self.middle(a, b);
         let mut proposals = Proposals::new();
         let middle = self.points.len() as u32;

@@ -66,31 +66,34 @@ impl<'a> Surface<'a> {
     /// The point next to `p` that a walk from face to face reaches downhill from where `start` lies. So it stays
     /// on its own sheet where another one lies nearer.
     pub(super) fn nearest(&self, start: Site, p: DVec3) -> (Site, f64) {
-        let on = |face: u32| {
-            let corners = self.faces[face as usize].map(|v| self.points[v as usize]);
-            let site = Site { face, weights: nearest(corners, p) };
-            (site, self.point(site).distance_squared(p))
-        };
-        let mut best = on(start.face);
+        let mut best = self.nearest_on(start.face, p);
+        // The faces beside `start` come first: seen from one of them a fold may hide another.
+        let mut from = start;
         loop {
-            let (site, distance) = best;
-            let ends = self.weights(site).into_iter().filter(|(_, weight)| *weight > 0.0);
+            let distance = best.1;
+            let ends = self.weights(from).into_iter().filter(|(_, weight)| *weight > 0.0);
             let ends: SmallVec<[u32; 3]> = ends.map(|(vertex, _)| vertex).collect();
-            if ends.len() > 2 {
-                return best;
-            }
-            for &face in &self.around[ends[0] as usize] {
-                let has_all = ends.iter().all(|end| self.faces[face as usize].contains(end));
-                if has_all && face != site.face {
-                    let found = on(face);
-                    if found.1 < best.1 {
-                        best = found;
+            if ends.len() < 3 {
+                for &face in &self.around[ends[0] as usize] {
+                    let has_all = ends.iter().all(|end| self.faces[face as usize].contains(end));
+                    if has_all && face != from.face {
+                        let found = self.nearest_on(face, p);
+                        if found.1 < best.1 {
+                            best = found;
+                        }
                     }
                 }
             }
-            if best.1 >= distance {
+            if from != start && best.1 >= distance || from == best.0 {
                 return best;
             }
+            from = best.0;
         }
+    }
+
+    fn nearest_on(&self, face: u32, p: DVec3) -> (Site, f64) {
+        let corners = self.faces[face as usize].map(|vertex| self.points[vertex as usize]);
+        let site = Site { face, weights: nearest(corners, p) };
+        (site, self.point(site).distance_squared(p))
     }
 }
