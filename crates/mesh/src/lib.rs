@@ -11,6 +11,9 @@ mod fixtures;
 mod measures;
 mod placed;
 mod remesh;
+mod rings;
+mod smooth;
+mod subdivide;
 mod triangle;
 
 pub use connectivity::Connectivity;
@@ -18,3 +21,5 @@ pub use derived_mesh::DerivedMesh;
 pub use error::MeshError;
 pub use measures::{self_intersections, signed_volume, surface_area};
 pub use remesh::{EdgeLengths, RemeshOptions, remesh};
+pub use smooth::{Smoothing, smooth};
+pub use subdivide::{Subdivision, subdivide};

@@ -80,3 +80,74 @@ pub fn self_intersections<T: Scalar>(
     parallel::merge_ranges(faces.len(), FACES_PER_PIECE, work, |pairs| all.extend(pairs));
     Ok(all)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
+
+    fn crossings(model: &Model) -> Vec<[u32; 2]> {
+        self_intersections(&model.positions(), &model.mesh()).unwrap()
+    }
+
+    #[test]
+    fn areas_and_volumes_are_those_that_are_known() {
+        for scale in [1e-100, 1e-6, 1.0, 1e6, 1e100] {
+            let near = |found: f64, known: f64| assert!((found / known - 1.0).abs() < 1e-12);
+            let cube = cube().moved(|p| scale * (p + 100.0));
+            near(surface_area(&cube.positions(), &cube.mesh()).unwrap(), 24.0 * scale * scale);
+            near(signed_volume(&cube.positions(), &cube.mesh()).unwrap(), 8.0 * scale.powi(3));
+        }
+        let inside_out = tetrahedron().moved(|p| -p);
+        let volume = signed_volume(&inside_out.positions(), &inside_out.mesh()).unwrap();
+        assert!((volume + 8.0 / 3.0).abs() < 1e-14, "{volume}");
+        let ball = sphere(60);
+        let volume = signed_volume(&ball.positions(), &ball.mesh()).unwrap();
+        assert!((volume / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 1e-3);
+        let empty = Model { points: Vec::new(), faces: Vec::new() };
+        assert_eq!(surface_area(&empty.positions(), &empty.mesh()).unwrap(), 0.0);
+        assert_eq!(signed_volume(&empty.positions(), &empty.mesh()).unwrap(), 0.0);
+    }
+
+    #[test]
+    fn plain_surfaces_do_not_cross_themselves() {
+        let models = [tetrahedron(), cube(), torus(30, 12, 0.4), sphere(9), sheet(6)];
+        for model in models {
+            for scale in [1e-6, 1.0, 1e6] {
+                assert!(crossings(&model.clone().moved(|p| scale * p)).is_empty());
+            }
+            // The same surface twice touches everywhere, and crosses nowhere.
+            assert!(crossings(&model.clone().and(model)).is_empty());
+        }
+    }
+
+    #[test]
+    fn crossings_are_those_of_all_pairs_for_any_number_of_threads() {
+        let slid = |p: DVec3| p + DVec3::new(0.31, 0.2, 0.1);
+        let model = torus(30, 20, 0.4).shaken(0.08, 3).and(sphere(10).moved(slid));
+        let corners = |face: &[u32; 3]| face.map(|vertex| model.points[vertex as usize]);
+        let mut all = Vec::new();
+        for (f, one) in model.faces.iter().enumerate() {
+            for (g, other) in model.faces.iter().enumerate().skip(f + 1) {
+                if cross((one, &corners(one)), (other, &corners(other))) {
+                    all.push([f as u32, g as u32]);
+                }
+            }
+        }
+        assert!(all.len() > 100, "{}", all.len());
+        for threads in [1, 2, 5] {
+            let found = parallel::with_threads(threads, || crossings(&model));
+            assert_eq!(found, all);
+        }
+    }
+
+    #[test]
+    fn a_vertex_pushed_through_a_sheet_crosses_it() {
+        let tip = Model { points: vec![DVec3::ZERO, DVec3::X, DVec3::Y], faces: vec![[0, 1, 2]] };
+        let through = |z: f64| {
+            let tip = tip.clone().moved(|p| DVec3::new(0.4 + 0.1 * p.y, 0.31, z + p.x + p.y));
+            crossings(&sheet(1).and(tip)).len()
+        };
+        assert_eq!((through(-0.1), through(-1e-12), through(0.0), through(0.1)), (1, 1, 0, 0));
+    }
+}
