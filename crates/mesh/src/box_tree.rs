@@ -1,0 +1,195 @@
+//! A tree of boxes around faces: which of them can meet a box.
+
+use bokashi_render_ops::glam::DVec3;
+use smallvec::SmallVec;
+
+/// A box whose sides are parallel to the axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Bounds {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Bounds {
+    const NOTHING: Self = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+
+    pub(crate) fn around(points: &[DVec3]) -> Self {
+        points.iter().fold(Self::NOTHING, |it, &point| Self {
+            low: it.low.min(point),
+            high: it.high.max(point),
+        })
+    }
+
+    pub(crate) fn with(&self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Whether both have a point in common.
+    #[inline]
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+
+    fn has(&self, other: &Self) -> bool {
+        self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
+    }
+
+    fn middle(&self) -> DVec3 {
+        0.5 * (self.low + self.high)
+    }
+}
+
+/// Stands for no node and no item.
+const NONE: u32 = u32::MAX;
+
+/// Items in a leaf: fewer make the tree deeper, more are tested in vain.
+const PER_LEAF: usize = 4;
+
+#[derive(Debug)]
+struct Node {
+    bounds: Bounds,
+    parent: u32,
+    /// The first of two children, which are neighbours; of a leaf its place in the list of leaves.
+    below: u32,
+    is_leaf: bool,
+}
+
+/// The items of a leaf, side by side in memory.
+type Leaf = SmallVec<[(Bounds, u32); PER_LEAF]>;
+
+/// Items 0, 1, 2, ... by their boxes. These may change and items may be added: boxes of nodes only grow.
+#[derive(Debug)]
+pub(crate) struct BoxTree {
+    nodes: Vec<Node>,
+    leaves: Vec<Leaf>,
+    /// Per item the node of its leaf.
+    nodes_of: Vec<u32>,
+}
+
+impl BoxTree {
+    pub(crate) fn new(bounds: &[Bounds]) -> Self {
+        let mut items: Vec<(Bounds, u32)> = bounds.iter().copied().zip(0..).collect();
+        let root = Node { bounds: Bounds::NOTHING, parent: NONE, below: NONE, is_leaf: false };
+        let mut tree =
+            Self { nodes: vec![root], leaves: Vec::new(), nodes_of: vec![NONE; bounds.len()] };
+        let mut open = vec![(0_usize, 0, items.len())];
+        while let Some((node, start, end)) = open.pop() {
+            let within = &mut items[start..end];
+            let mut middles = Bounds::NOTHING;
+            for (bounds, _) in &*within {
+                tree.nodes[node].bounds = tree.nodes[node].bounds.with(bounds);
+                let middle = bounds.middle();
+                middles = middles.with(&Bounds { low: middle, high: middle });
+            }
+            if within.len() <= PER_LEAF {
+                within.iter().for_each(|(_, item)| tree.nodes_of[*item as usize] = node as u32);
+                (tree.nodes[node].below, tree.nodes[node].is_leaf) =
+                    (tree.leaves.len() as u32, true);
+                tree.leaves.push(Leaf::from_slice(within));
+                continue;
+            }
+            let axis = (middles.high - middles.low).max_position();
+            let half = within.len() / 2;
+            within.select_nth_unstable_by(half, |one, other| {
+                one.0.middle()[axis].total_cmp(&other.0.middle()[axis]).then(one.1.cmp(&other.1))
+            });
+            tree.nodes[node].below = tree.nodes.len() as u32;
+            for (start, end) in [(start, start + half), (start + half, end)] {
+                open.push((tree.nodes.len(), start, end));
+                let (bounds, parent) = (Bounds::NOTHING, node as u32);
+                tree.nodes.push(Node { bounds, parent, below: NONE, is_leaf: false });
+            }
+        }
+        tree
+    }
+
+    fn leaf_of(&mut self, item: u32) -> &mut Leaf {
+        let node = self.nodes_of[item as usize];
+        &mut self.leaves[self.nodes[node as usize].below as usize]
+    }
+
+    /// Gives an item another box.
+    pub(crate) fn change(&mut self, item: u32, bounds: Bounds) {
+        let found = self.leaf_of(item).iter_mut().find(|it| it.1 == item);
+        found.into_iter().for_each(|it| it.0 = bounds);
+        let mut node = self.nodes_of[item as usize];
+        while node != NONE {
+            let Node { bounds: all, parent, .. } = &mut self.nodes[node as usize];
+            if all.has(&bounds) {
+                break;
+            }
+            *all = all.with(&bounds);
+            node = *parent;
+        }
+    }
+
+    /// Adds the next item to the leaf of `other`, which lies nearby.
+    pub(crate) fn add_beside(&mut self, other: u32, bounds: Bounds) {
+        let item = self.nodes_of.len() as u32;
+        self.nodes_of.push(self.nodes_of[other as usize]);
+        self.leaf_of(item).push((bounds, item));
+        self.change(item, bounds);
+    }
+
+    /// Calls `found` with each item whose box meets `bounds`, and that box, in an order that depends on what was done
+    /// alone.
+    pub(crate) fn for_each_near(&self, bounds: &Bounds, mut found: impl FnMut(u32, &Bounds)) {
+        let mut open = SmallVec::<[u32; 64]>::new();
+        open.push(0);
+        while let Some(index) = open.pop() {
+            let node = &self.nodes[index as usize];
+            if !node.bounds.meets(bounds) {
+                continue;
+            }
+            if !node.is_leaf {
+                open.extend([node.below + 1, node.below]);
+                continue;
+            }
+            for (around, item) in &self.leaves[node.below as usize] {
+                if around.meets(bounds) {
+                    found(*item, around);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(k: usize) -> Bounds {
+        let low = DVec3::new((k * 7 % 13) as f64, (k * 5 % 11) as f64, (k % 3) as f64);
+        Bounds { low, high: low + 1.5 }
+    }
+
+    fn near(tree: &BoxTree, bounds: &Bounds) -> Vec<u32> {
+        let mut found = Vec::new();
+        tree.for_each_near(bounds, |item, _| found.push(item));
+        found.sort_unstable();
+        found
+    }
+
+    #[test]
+    fn what_meets_a_box_is_found_also_after_changes() {
+        let mut boxes: Vec<_> = (0..200).map(cell).collect();
+        let mut tree = BoxTree::new(&boxes);
+        for k in 0..100 {
+            let changed = cell(k * 3 + 1);
+            boxes[k] = changed;
+            tree.change(k as u32, changed);
+            boxes.push(cell(k * 2 + 5));
+            tree.add_beside(k as u32, boxes[boxes.len() - 1]);
+        }
+        for k in 0..60 {
+            let asked = Bounds { high: cell(k).low + 0.5, ..cell(k) };
+            let all = (0..boxes.len()).filter(|i| boxes[*i].meets(&asked)).map(|i| i as u32);
+            assert_eq!(near(&tree, &asked), all.collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn without_items_nothing_is_found() {
+        assert!(near(&BoxTree::new(&[]), &cell(0)).is_empty());
+    }
+}

@@ -1,0 +1,350 @@
+//! A mesh under way: which faces stand at each vertex, and the three changes of it.
+//!
+//! These change what is connected, without a look at shapes. Each keeps the Euler characteristic and the number
+//! of parts, given an [`Edge`] and what its own comment asks for.
+
+use bokashi_render_ops::Mesh;
+use bokashi_render_ops::glam::DVec3;
+use smallvec::SmallVec;
+
+use super::surface::{Around, Site, Surface};
+use crate::box_tree::{Bounds, BoxTree};
+use crate::triangle::repeats_a_vertex;
+
+/// Stands for no vertex: the corners of a face that is gone.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// What may be done to a vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Its faces form one ring: it may move and vanish.
+    Free,
+    /// Its faces form one fan, at a boundary: it may vanish along the boundary.
+    Rim,
+    /// It stays: at a seam, at an edge of three faces, at faces that are no fan.
+    Fixed,
+}
+
+/// An edge of one face, or of two that run through it in opposite directions.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Edge {
+    /// The first face runs from the first end to the second.
+    pub(super) ends: [u32; 2],
+    /// The second is [`NONE`] at a boundary.
+    pub(super) faces: [u32; 2],
+    /// The corners that face the edge.
+    pub(super) across: [u32; 2],
+}
+
+impl Edge {
+    pub(super) fn is_boundary(&self) -> bool {
+        self.faces[1] == NONE
+    }
+
+    /// The faces, and the corners that face the edge.
+    pub(super) fn sides(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.faces.into_iter().zip(self.across).filter(|(face, _)| *face != NONE)
+    }
+}
+
+/// The mesh.
+#[derive(Debug)]
+pub(super) struct Changing<'a> {
+    pub(super) surface: Surface<'a>,
+    /// The length that is asked for at each old vertex.
+    lengths: Vec<f64>,
+    /// Per vertex: where on the old surface, its position, the length asked for, what may be done to it.
+    pub(super) sites: Vec<Site>,
+    pub(super) points: Vec<DVec3>,
+    pub(super) targets: Vec<f64>,
+    pub(super) kinds: Vec<Kind>,
+    /// Whether the surface ends at a vertex.
+    pub(super) ends_at: Vec<bool>,
+    pub(super) around: Around,
+    seams: Vec<SmallVec<[u32; 2]>>,
+    /// Three times [`NONE`] where a face is gone.
+    pub(super) faces: Vec<[u32; 3]>,
+    /// The number of faces that are not gone.
+    pub(super) live: usize,
+    /// The boxes of the faces, if they are kept apart.
+    pub(super) tree: Option<BoxTree>,
+}
+
+impl<'a> Changing<'a> {
+    pub(super) fn new(mesh: &'a Mesh, points: &'a [DVec3], lengths: Vec<f64>) -> Self {
+        let faces = mesh.faces();
+        let surface = Surface::new(faces, points);
+        let mut seams = vec![SmallVec::<[u32; 2]>::new(); points.len()];
+        for (index, face) in faces.iter().enumerate() {
+            for corner in (0..3).filter(|corner| mesh.is_seam(index, *corner)) {
+                let [a, b] = [1, 2].map(|step| face[(corner + step) % 3]);
+                for (from, to) in [(a, b), (b, a)] {
+                    if !seams[from as usize].contains(&to) {
+                        seams[from as usize].push(to);
+                    }
+                }
+            }
+        }
+        let mut fans: Vec<_> =
+            (0..points.len() as u32).map(|vertex| fan(vertex, faces, surface.around())).collect();
+        // What names a vertex twice is kept, and so are its vertices.
+        let twice = faces.iter().filter(|face| repeats_a_vertex(**face));
+        twice.flatten().for_each(|&vertex| fans[vertex as usize].0 = Kind::Fixed);
+        let kind = |((kind, _), seams): (&(Kind, bool), &SmallVec<[u32; 2]>)| {
+            if seams.is_empty() { *kind } else { Kind::Fixed }
+        };
+        Self {
+            sites: (0..points.len() as u32).map(|vertex| surface.site(vertex)).collect(),
+            points: points.to_vec(),
+            targets: lengths.clone(),
+            lengths,
+            kinds: fans.iter().zip(&seams).map(kind).collect(),
+            ends_at: fans.iter().map(|(_, ends)| *ends).collect(),
+            around: surface.around().clone(),
+            seams,
+            faces: faces.to_vec(),
+            live: faces.len(),
+            tree: None,
+            surface,
+        }
+    }
+
+    /// The positions of a face.
+    #[inline]
+    pub(super) fn corners(&self, face: [u32; 3]) -> [DVec3; 3] {
+        face.map(|vertex| self.points[vertex as usize])
+    }
+
+    /// The length that is asked for at a place of the old surface.
+    pub(super) fn target_at(&self, site: Site) -> f64 {
+        let weights = self.surface.weights(site);
+        weights.iter().map(|&(vertex, weight)| weight * self.lengths[vertex as usize]).sum()
+    }
+
+    /// How long an edge is, over how long it should be; the shorter of its ends' lengths counts.
+    #[inline]
+    pub(super) fn relative_length(&self, a: u32, b: u32) -> f64 {
+        let [i, j] = [a as usize, b as usize];
+        self.points[i].distance(self.points[j]) / self.targets[i].min(self.targets[j])
+    }
+
+    /// All edges, each once or twice, the lower vertex first, in the order of the faces.
+    pub(super) fn for_each_edge(&self, mut found: impl FnMut(u32, u32)) {
+        for &[a, b, c] in self.faces.iter().filter(|face| !repeats_a_vertex(**face)) {
+            for [from, to] in [[a, b], [b, c], [c, a]] {
+                // An edge of two faces is met in the other direction as well.
+                let ends = [from, to].map(|vertex| self.kinds[vertex as usize]);
+                if from < to || !ends.contains(&Kind::Free) {
+                    found(from.min(to), from.max(to));
+                }
+            }
+        }
+    }
+
+    /// The edge between two vertices, unless there is none, or three faces have it, or two that run through it
+    /// in one direction.
+    pub(super) fn edge(&self, a: u32, b: u32) -> Option<Edge> {
+        let [least, other] = if self.around[a as usize].len() <= self.around[b as usize].len() {
+            [a, b]
+        } else {
+            [b, a]
+        };
+        let mut edge = Edge { ends: [a, b], faces: [NONE; 2], across: [NONE; 2] };
+        for &index in &self.around[least as usize] {
+            let face = self.faces[index as usize];
+            if !face.contains(&other) {
+                continue;
+            }
+            let corner = (0..3).find(|k| face[*k] == a)?;
+            let [next, last] = [1, 2].map(|step| face[(corner + step) % 3]);
+            let (side, across) = if next == b { (0, last) } else { (1, next) };
+            if edge.faces[side] != NONE {
+                return None;
+            }
+            (edge.faces[side], edge.across[side]) = (index, across);
+        }
+        if edge.faces[0] == NONE {
+            edge.ends.swap(0, 1);
+            edge.faces.swap(0, 1);
+            edge.across.swap(0, 1);
+        }
+        (edge.faces[0] != NONE).then_some(edge)
+    }
+
+    pub(super) fn is_seam(&self, a: u32, b: u32) -> bool {
+        self.seams[a as usize].contains(&b)
+    }
+
+    /// The corner of a face after and before `vertex`.
+    pub(super) fn beside(&self, face: u32, vertex: u32) -> [u32; 2] {
+        let face = self.faces[face as usize];
+        let corner = usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex);
+        [face[(corner + 1) % 3], face[(corner + 2) % 3]]
+    }
+
+    /// Moves a vertex to a place of the old surface.
+    pub(super) fn place(&mut self, vertex: u32, site: Site, point: DVec3) {
+        let target = self.target_at(site);
+        let vertex = vertex as usize;
+        (self.sites[vertex], self.points[vertex], self.targets[vertex]) = (site, point, target);
+    }
+
+    fn replace(&mut self, face: u32, old: u32, new: u32) {
+        for corner in &mut self.faces[face as usize] {
+            if *corner == old {
+                *corner = new;
+            }
+        }
+    }
+
+    fn leave(&mut self, vertex: u32, face: u32) {
+        self.around[vertex as usize].retain(|it| *it != face);
+    }
+
+    /// Puts a new vertex on an edge, and returns it.
+    pub(super) fn split(&mut self, edge: &Edge, site: Site, point: DVec3) -> u32 {
+        let [a, b] = edge.ends;
+        let middle = self.points.len() as u32;
+        let is_seam = self.is_seam(a, b);
+        self.sites.push(site);
+        self.points.push(point);
+        self.targets.push(self.target_at(site));
+        self.ends_at.push(edge.is_boundary());
+        self.kinds.push(match (is_seam, edge.is_boundary()) {
+            (true, _) => Kind::Fixed,
+            (false, true) => Kind::Rim,
+            (false, false) => Kind::Free,
+        });
+        self.around.push(SmallVec::new());
+        self.seams.push(SmallVec::new());
+        if is_seam {
+            self.seams[middle as usize] = SmallVec::from([a, b]);
+            for (end, other) in [(a, b), (b, a)] {
+                let seam = self.seams[end as usize].iter_mut().find(|it| **it == other);
+                seam.into_iter().for_each(|it| *it = middle);
+            }
+        }
+        for (face, across) in edge.sides() {
+            // The old face keeps a, the new one has b.
+            let added = self.faces.len() as u32;
+            self.faces.push(self.faces[face as usize]);
+            self.replace(face, b, middle);
+            self.replace(added, a, middle);
+            self.leave(b, face);
+            self.around[b as usize].push(added);
+            self.around[across as usize].push(added);
+            self.around[middle as usize].extend([face, added]);
+            self.live += 1;
+            if let Some(tree) = &mut self.tree {
+                // Its box is given below.
+                tree.add_beside(face, Bounds::around(&[]));
+            }
+        }
+        self.note(middle);
+        middle
+    }
+
+    /// Joins the end `gone` of an edge with the other, which is moved.
+    ///
+    /// No vertex but those across the edge may be a neighbour of both ends, and these need two faces left, or
+    /// one at a boundary. `gone` has no seam.
+    pub(super) fn collapse(&mut self, edge: &Edge, gone: u32, site: Site, point: DVec3) {
+        let [a, b] = edge.ends;
+        let kept = if gone == a { b } else { a };
+        for (face, across) in edge.sides() {
+            for vertex in [kept, across] {
+                self.leave(vertex, face);
+            }
+            self.faces[face as usize] = [NONE; 3];
+            self.live -= 1;
+            if let Some(tree) = &mut self.tree {
+                tree.change(face, Bounds::around(&[]));
+            }
+        }
+        for face in std::mem::take(&mut self.around[gone as usize]) {
+            if self.faces[face as usize][0] != NONE {
+                self.replace(face, gone, kept);
+                self.around[kept as usize].push(face);
+            }
+        }
+        if site != self.sites[kept as usize] {
+            self.place(kept, site, point);
+        }
+        self.note(kept);
+    }
+
+    /// Turns an edge of two faces within them. Those across must not be neighbours yet.
+    pub(super) fn flip(&mut self, edge: &Edge) {
+        let ([a, b], [f, g], [c, d]) = (edge.ends, edge.faces, edge.across);
+        self.replace(f, b, d);
+        self.replace(g, a, c);
+        self.leave(a, g);
+        self.leave(b, f);
+        self.around[c as usize].push(g);
+        self.around[d as usize].push(f);
+        [f, g].into_iter().for_each(|face| self.note_face(face));
+    }
+
+    /// Tells the tree that the faces at a vertex have changed.
+    pub(super) fn note(&mut self, vertex: u32) {
+        for k in 0..self.around[vertex as usize].len() {
+            self.note_face(self.around[vertex as usize][k]);
+        }
+    }
+
+    fn note_face(&mut self, face: u32) {
+        let corners = self.corners(self.faces[face as usize]);
+        if let Some(tree) = &mut self.tree {
+            tree.change(face, Bounds::around(&corners));
+        }
+    }
+
+    /// Makes the tree anew.
+    pub(super) fn plant(&mut self) {
+        let bounds = |face: &[u32; 3]| {
+            if repeats_a_vertex(*face) {
+                Bounds::around(&[])
+            } else {
+                Bounds::around(&self.corners(*face))
+            }
+        };
+        let bounds: Vec<_> = self.faces.iter().map(bounds).collect();
+        self.tree = Some(BoxTree::new(&bounds));
+    }
+}
+
+/// What may be done to a vertex by its faces alone, and whether the surface ends there.
+fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
+    // Each face as a step from the corner after the vertex to the one before.
+    let mut steps: SmallVec<[[u32; 2]; 8]> = SmallVec::new();
+    for &index in &around[vertex as usize] {
+        let face = faces[index as usize];
+        let corner = usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex);
+        steps.push([face[(corner + 1) % 3], face[(corner + 2) % 3]]);
+    }
+    steps.sort_unstable();
+    let mut ends: SmallVec<[u32; 8]> = steps.iter().map(|step| step[1]).collect();
+    ends.sort_unstable();
+    let is_start = |step: &&[u32; 2]| ends.binary_search(&step[0]).is_err();
+    let (mut starts, ends_at) = (steps.iter().filter(is_start), steps.iter().any(|s| is_start(&s)));
+    let twice = steps.windows(2).any(|pair| pair[0][0] == pair[1][0])
+        || ends.windows(2).any(|pair| pair[0] == pair[1]);
+    let Some(first) = starts.next().or(steps.first()) else { return (Kind::Fixed, false) };
+    if twice || starts.next().is_some() {
+        return (Kind::Fixed, ends_at);
+    }
+    let (mut at, mut walked) = (first[0], 0);
+    while let Ok(index) = steps.binary_search_by_key(&at, |step| step[0]) {
+        (at, walked) = (steps[index][1], walked + 1);
+        if at == first[0] {
+            break;
+        }
+    }
+    let is_one = walked == steps.len();
+    let kind = match (is_one, ends_at) {
+        (true, true) => Kind::Rim,
+        (true, false) if steps.len() > 2 => Kind::Free,
+        _ => Kind::Fixed,
+    };
+    (kind, ends_at)
+}

@@ -1,0 +1,114 @@
+//! Remeshing: edges split, collapsed and flipped until they have the lengths that are asked for.
+//!
+//! # Method
+//! Each iteration splits edges longer than 4/3 of their length, collapses those shorter than 4/5, flips edges toward
+//! six at each vertex (four at a boundary), and moves vertices along the surface. Every vertex is a point of the old
+//! surface: a face and barycentric coordinates. A vertex that is made or moved goes to the point that a walk over
+//! the old faces finds next to it.
+//!
+//! # What is kept
+//! - The Euler characteristic and the parts. What is closed stays closed. (The link condition of a collapse; no flip
+//!   onto an edge that exists.)
+//! - Boundaries. Their vertices never leave them, and vanish only where a boundary runs straight, to 30 degrees.
+//!   Vertices that lie at one place, as at a texture seam, are boundaries: their sides may part. Join them first.
+//! - Seams of the [`Mesh`]: they are split, but neither collapsed nor flipped, and their vertices stay.
+//! - Edges of three faces and more, and of two that run through them in one direction; vertices at which faces meet
+//!   that share no edge; faces that name a vertex twice; vertices without a face.
+//! - The sides of faces: no change turns a normal by more than 45 degrees, or makes a sliver of better faces.
+//! - With [`keeps_apart`](RemeshOptions::keeps_apart) no change lets more faces cross than before.
+//!
+//! Work is done one edge after another, in the order of lengths and indices, on one thread.
+//!
+//! # Source
+//! Botsch and Kobbelt, *A Remeshing Approach to Multiresolution Modeling*, SGP 2004; lengths per vertex as in
+//! Palfinger, *Continuous remeshing for inverse rendering*, Computer Animation and Virtual Worlds 2022.
+
+mod changing;
+mod collapse;
+mod flip;
+mod guard;
+mod options;
+mod relax;
+mod split;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+use bokashi_core::{Scalar, SparseMatrix, Tensor};
+use bokashi_render_ops::Mesh;
+
+use crate::derived_mesh::DerivedMesh;
+use crate::error::MeshError;
+use crate::placed::Placed;
+use changing::{Changing, NONE};
+pub use options::{EdgeLengths, RemeshOptions};
+use surface::Site;
+
+/// Remeshes the faces of `mesh` at `positions: [V, 3]`.
+///
+/// New vertices are points of the old surface, so each row of the weights has at most three entries. Vertices and faces
+/// that are kept have their order, and new ones follow.
+///
+/// # Errors
+/// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a position for each vertex;
+/// [`TensorError::Value`](bokashi_core::TensorError::Value) for a position that is not finite, or a length that is not
+/// a positive number, or another number of lengths than of vertices.
+pub fn remesh<T: Scalar>(
+    positions: &Tensor<T>,
+    mesh: &Mesh,
+    options: &RemeshOptions,
+) -> Result<DerivedMesh<T>, MeshError> {
+    let placed = Placed::new("remesh", positions, mesh)?;
+    let lengths = options.lengths_of(mesh.vertex_count(), placed.unit)?;
+    let mut changing = Changing::new(mesh, &placed.points, lengths);
+    for _ in 0..options.iterations {
+        if options.keeps_apart {
+            changing.plant();
+        }
+        changing.split_long_edges(options.most_faces);
+        changing.collapse_short_edges();
+        if options.keeps_apart {
+            changing.plant();
+        }
+        changing.flip_edges();
+        if options.moves_vertices {
+            changing.relax();
+        }
+    }
+    changing.finish(positions)
+}
+
+impl Changing<'_> {
+    /// The mesh without what is gone.
+    fn finish<T: Scalar>(&self, positions: &Tensor<T>) -> Result<DerivedMesh<T>, MeshError> {
+        let old_count = positions.shape()[0];
+        // A vertex without a proper face was there before, or has vanished.
+        let stays = |v: usize| self.sites[v] == Site::NOWHERE || !self.around[v].is_empty();
+        let (mut names, mut count) = (vec![NONE; self.points.len()], 0);
+        let mut triplets = Vec::new();
+        for v in (0..self.points.len()).filter(|v| stays(*v)) {
+            names[v] = count;
+            match self.sites[v] {
+                Site::NOWHERE => triplets.push((count, v as u32, 1.0)),
+                site => {
+                    let weights = self.surface.weights(site).into_iter().filter(|it| it.1 != 0.0);
+                    triplets.extend(weights.map(|(vertex, weight)| (count, vertex, weight)));
+                }
+            }
+            count += 1;
+        }
+        let is_left = |face: &&[u32; 3]| face[0] != NONE;
+        let left: Vec<_> = self.faces.iter().filter(is_left).copied().collect();
+        let faces = left.iter().map(|face| face.map(|vertex| names[vertex as usize])).collect();
+        let mut mesh = Mesh::new(faces, count as usize)?;
+        let is_seam = |face: usize, corner: usize| {
+            let [a, b] = [1, 2].map(|step| left[face][(corner + step) % 3]);
+            self.is_seam(a, b)
+        };
+        if (0..left.len()).any(|face| (0..3).any(|corner| is_seam(face, corner))) {
+            mesh = mesh.with_seams(is_seam);
+        }
+        let weights = SparseMatrix::new(count as usize, old_count, triplets)?;
+        DerivedMesh::new(positions, mesh, weights)
+    }
+}

@@ -1,0 +1,208 @@
+//! Laws of remeshing.
+
+use bokashi_core::Tensor;
+use bokashi_render_ops::glam::DVec3;
+use proptest::prelude::*;
+
+use super::*;
+use crate::connectivity::Connectivity;
+use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
+use crate::measures::{self_intersections, signed_volume};
+
+fn remeshed(model: &Model, options: &RemeshOptions) -> Model {
+    let derived = remesh(&model.positions(), &model.mesh(), options).unwrap();
+    check(model, &derived);
+    Model { points: rows(&derived.positions), faces: derived.mesh.faces().to_vec() }
+}
+
+fn rows(positions: &Tensor<f64>) -> Vec<DVec3> {
+    positions.data().as_chunks::<3>().0.iter().map(|row| DVec3::from_array(*row)).collect()
+}
+
+/// What holds of every remeshed model.
+fn check(model: &Model, derived: &DerivedMesh<f64>) {
+    let [old, new] = [&model.mesh(), &derived.mesh].map(Connectivity::new);
+    assert_eq!(old.euler_characteristic(), new.euler_characteristic());
+    assert_eq!(old.parts(), new.parts());
+    assert_eq!(old.boundary_loops, new.boundary_loops);
+    assert_eq!(old.is_closed(), new.is_closed());
+    assert_eq!(old.crowded_edges, new.crowded_edges);
+    assert_eq!(old.pinched_vertices, new.pinched_vertices);
+    assert_eq!(old.is_oriented, new.is_oriented);
+    for row in 0..derived.weights.rows() {
+        let (columns, weights) = derived.weights.row(row);
+        assert!((1..=3).contains(&columns.len()));
+        assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
+        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+    assert_eq!(derived.carry(&model.positions()).unwrap(), derived.positions);
+    let crossings =
+        |positions: &Tensor<f64>, mesh: &Mesh| self_intersections(positions, mesh).unwrap().len();
+    let before = crossings(&model.positions(), &model.mesh());
+    let after = crossings(&derived.positions, &derived.mesh);
+    // A face that crosses others may become many that do.
+    assert!(before > 0 || after == 0, "{after} crossings");
+}
+
+/// The share of edges whose length is between these multiples of `length`.
+fn share_within(model: &Model, length: f64, least: f64, most: f64) -> f64 {
+    let (mut within, mut all) = (0.0, 0.0);
+    for &[a, b, c] in &model.faces {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let [p, q] = [from, to].map(|vertex| model.points[vertex as usize]);
+            all += 1.0;
+            within += f64::from(u8::from((least..=most).contains(&(p.distance(q) / length))));
+        }
+    }
+    within / all
+}
+
+#[test]
+fn edges_of_a_torus_get_the_length_that_is_asked_for() {
+    for (around, across) in [(12, 6), (100, 40), (8, 60)] {
+        for length in [0.08, 0.15, 0.25] {
+            let new = remeshed(&torus(around, across, 0.4), &RemeshOptions::uniform(length));
+            let share = share_within(&new, length, 0.5, 1.6);
+            println!(
+                "{around} {across} {length}: {} faces, {share} {}",
+                new.faces.len(),
+                share_within(&new, length, 0.8, 1.34)
+            );
+            assert!(share > 0.99, "{around} {across} {length}: {share}");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_keeps_its_volume() {
+    let fine = sphere(40);
+    for length in [0.05, 0.1, 0.2] {
+        let new = remeshed(&fine, &RemeshOptions::uniform(length));
+        let volume = |model: &Model| signed_volume(&model.positions(), &model.mesh()).unwrap();
+        let ratio = volume(&new) / volume(&fine);
+        println!("{length}: {} faces, volume {ratio}", new.faces.len());
+        assert!((ratio - 1.0).abs() < 0.01 * (length / 0.1).powi(2).max(1.0), "{length}: {ratio}");
+    }
+}
+
+/// A model that some seed draws: a plain one, shaken, and what it is for.
+fn drawn(kind: usize, shake: f64, seed: u64) -> Model {
+    let model = match kind {
+        0 => tetrahedron(),
+        1 => cube(),
+        2 => torus(9, 6, 0.45),
+        3 => sphere(4),
+        4 => sheet(4),
+        5 => torus(30, 5, 0.1),
+        // Two parts that meet at one vertex.
+        6 => welded(sphere(2).and(sphere(2).moved(|p| p + 2.0 * DVec3::X))),
+        // Three sheets at one edge.
+        7 => {
+            let mut sheets = sheet(3).and(sheet(3).moved(|p| DVec3::new(p.x, -p.y, p.y)));
+            sheets = sheets.and(sheet(3).moved(|p| DVec3::new(p.x, 0.0, p.y)));
+            welded(sheets)
+        }
+        // Cut open: each face has vertices of its own along a line.
+        8 => {
+            let mut model = torus(10, 8, 0.4);
+            let first = model.points.len() as u32;
+            model.points.extend_from_within(..8);
+            let half = model.faces.len() - 16;
+            let below = |it: &&mut u32| **it < 8;
+            model.faces[half..].iter_mut().flatten().filter(below).for_each(|it| *it += first);
+            model
+        }
+        // Faces that name a vertex twice, a vertex without a face, and the same face the other way round.
+        9 => {
+            let mut model = sphere(3);
+            let count = model.points.len() as u32;
+            model.points.push(DVec3::splat(3.0));
+            model.faces.extend([[0, 0, 1], [count, count, count], [5, 5, count]]);
+            let [a, b, c] = model.faces[4];
+            model.faces.push([c, b, a]);
+            model
+        }
+        // A fan: all faces at one vertex.
+        10 => {
+            let rim = (0..40).map(|k| {
+                DVec3::new((k as f64 / 5.0).cos(), (k as f64 / 5.0).sin(), k as f64 / 9.0)
+            });
+            let points = [DVec3::ZERO].into_iter().chain(rim).collect();
+            Model { points, faces: (1..40).map(|k| [0, k, k + 1]).collect() }
+        }
+        // Slivers.
+        _ => sphere(6).moved(|p| DVec3::new(p.x, 1e-3 * p.y, 30.0 * p.z)),
+    };
+    model.shaken(shake, seed)
+}
+
+/// Vertices at one place joined.
+fn welded(model: Model) -> Model {
+    let first = |vertex: &u32| {
+        let place = model.points[*vertex as usize];
+        model.points.iter().position(|it| *it == place).unwrap() as u32
+    };
+    let faces = model.faces.iter().map(|face| [0, 1, 2].map(|k| first(&face[k]))).collect();
+    Model { faces, ..model }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(
+        std::env::var("SCENES").map_or(200, |count| count.parse().unwrap())
+    ))]
+
+    #[test]
+    fn topology_is_kept_and_nothing_crosses_that_did_not(
+        kind in 0..12_usize,
+        shake in prop_oneof![Just(0.0), Just(0.01), Just(0.1), Just(0.3)],
+        seed in any::<u64>(),
+        length in prop_oneof![Just(0.05), 0.1..0.5, Just(1.0), Just(5.0)],
+        moves_vertices in any::<bool>(),
+        adaptive in any::<bool>(),
+        iterations in 1..6_usize,
+        exponent in prop_oneof![Just(0), Just(-20), Just(20), Just(-900), Just(900)],
+    ) {
+        let model = drawn(kind, shake, seed);
+        let count = model.points.len();
+        let mut options = RemeshOptions::uniform(length);
+        if adaptive {
+            let lengths = (0..count).map(|v| length * if v % 3 == 0 { 1.0 } else { 2.5 });
+            options = RemeshOptions::adaptive(lengths.collect());
+        }
+        options.most_faces = 3000;
+        (options.moves_vertices, options.iterations) = (moves_vertices, iterations);
+        let derived = remesh(&model.positions(), &model.mesh(), &options).unwrap();
+        check(&model, &derived);
+        prop_assert!(derived.mesh.faces().len() <= 3000.max(model.faces.len()));
+        // A power of two scales every number without rounding.
+        let scale = 2_f64.powi(exponent);
+        let scaled_lengths = match &options.lengths {
+            EdgeLengths::Uniform(length) => EdgeLengths::Uniform(length * scale),
+            EdgeLengths::PerVertex(lengths) => {
+                EdgeLengths::PerVertex(lengths.iter().map(|length| length * scale).collect())
+            }
+        };
+        let scaled_options = RemeshOptions { lengths: scaled_lengths, ..options };
+        let scaled = model.positions().map(|x| x * scale);
+        let again = remesh(&scaled, &model.mesh(), &scaled_options).unwrap();
+        prop_assert_eq!(again.mesh.faces(), derived.mesh.faces());
+        prop_assert_eq!(&again.weights, &derived.weights);
+    }
+}
+
+#[test]
+fn time() {
+    let fine = sphere(50);
+    for keeps_apart in [false, true] {
+        let mut options = RemeshOptions::uniform(0.025);
+        options.keeps_apart = keeps_apart;
+        let start = std::time::Instant::now();
+        let new = remesh(&fine.positions(), &fine.mesh(), &options).unwrap();
+        println!(
+            "{} to {} faces in {:?}",
+            fine.faces.len(),
+            new.mesh.faces().len(),
+            start.elapsed()
+        );
+    }
+}

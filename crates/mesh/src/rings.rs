@@ -1,0 +1,65 @@
+//! The neighbours that smooth a vertex.
+
+use bokashi_render_ops::Mesh;
+
+use crate::edges::{Side, edges};
+
+/// Which vertices a vertex is smoothed with.
+///
+/// Where each edge at a vertex has two faces, all its neighbours. Where two edges have another number, as at a boundary,
+/// the two at their ends, so that a boundary depends on itself alone. Elsewhere none: corners at which surfaces
+/// meet, and vertices without a face.
+#[derive(Debug)]
+pub(crate) struct Rings {
+    starts: Vec<usize>,
+    neighbors: Vec<u32>,
+    is_rim: Vec<bool>,
+}
+
+impl Rings {
+    /// Those of a mesh, whose [sides](crate::edges::sides) are given.
+    pub(crate) fn new(mesh: &Mesh, sides: &[Side]) -> Self {
+        let count = mesh.vertex_count();
+        let (mut all, mut sharp) = (vec![0_u32; count], vec![0_u32; count]);
+        for edge in edges(sides) {
+            for end in edge[0].ends {
+                all[end as usize] += 1;
+                sharp[end as usize] += u32::from(edge.len() != 2);
+            }
+        }
+        let mut starts = Vec::with_capacity(count + 1);
+        let mut sum = 0;
+        starts.push(sum);
+        for (all, sharp) in all.iter().zip(&sharp) {
+            sum += match sharp {
+                0 => *all as usize,
+                2 => 2,
+                _ => 0,
+            };
+            starts.push(sum);
+        }
+        let (mut next, mut neighbors) = (starts.clone(), vec![0; sum]);
+        for edge in edges(sides) {
+            let [a, b] = edge[0].ends;
+            for (end, other) in [(a, b), (b, a)] {
+                let counts =
+                    sharp[end as usize] == 0 || sharp[end as usize] == 2 && edge.len() != 2;
+                if counts {
+                    neighbors[next[end as usize]] = other;
+                    next[end as usize] += 1;
+                }
+            }
+        }
+        Self { starts, neighbors, is_rim: sharp.iter().map(|sharp| *sharp == 2).collect() }
+    }
+
+    /// In increasing order.
+    pub(crate) fn of(&self, vertex: usize) -> &[u32] {
+        &self.neighbors[self.starts[vertex]..self.starts[vertex + 1]]
+    }
+
+    /// Whether a vertex is smoothed along a boundary.
+    pub(crate) fn is_rim(&self, vertex: usize) -> bool {
+        self.is_rim[vertex]
+    }
+}
