@@ -117,6 +117,57 @@ fn the_front_of_every_face_is_outside() {
     }
 }
 
+/// Whether a face has two corners at one place.
+fn is_flat(positions: &Tensor<f64>, face: [u32; 3]) -> bool {
+    let [a, b, c] = face.map(|vertex| points(positions)[vertex as usize]);
+    a == b || b == c || c == a
+}
+
+#[test]
+fn fields_that_are_exactly_0_at_points_have_no_flat_faces() {
+    let grid = Grid::new([9; 3], [-4.0; 3], 1.0).unwrap();
+    let distance = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt() - 3.0;
+    let diamond = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs() - 3.0;
+    let cube = |[x, y, z]: [f64; 3]| x.abs().max(y.abs()).max(z.abs()) - 2.0;
+    // The second has all of its vertices at points of the grid.
+    let fields: [(&dyn Fn([f64; 3]) -> f64, f64); 4] = [
+        (&distance, 4.0 / 3.0 * PI * 27.0),
+        (&|p| distance(p).min(0.0), f64::NAN),
+        (&diamond, 36.0),
+        // Every second edge is cut off between points of the grid, since cells have one diagonal.
+        (&cube, 54.0),
+    ];
+    for (field, exact) in fields {
+        let (positions, mesh) = extract_surface(&grid.sampled(field), None, &grid).unwrap();
+        assert_eq!(assert_closed_manifold(&mesh), 2);
+        assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+        let volume = volume(&positions, &mesh);
+        assert!(exact.is_nan() || (volume / exact - 1.0).abs() < 0.06, "{volume}");
+    }
+    // A point alone outside, with the number 0, is no bubble.
+    let inside = |p: [f64; 3]| if p == [0.0; 3] { 0.0 } else { distance(p) };
+    let (positions, mesh) = extract_surface(&grid.sampled(inside), None, &grid).unwrap();
+    assert_eq!(assert_closed_manifold(&mesh), 2);
+    assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+}
+
+#[test]
+fn two_shapes_that_meet_in_a_plane_stay_two() {
+    let grid = Grid::new([7, 5, 5], [-3.0, -2.0, -2.0], 1.0).unwrap();
+    let field = grid.sampled(|[x, y, z]| {
+        let wall = y.abs().max(z.abs()) - 1.5;
+        (-x.abs()).max(wall).max(x.abs() - 2.5)
+    });
+    let (positions, mesh) = extract_surface(&field, None, &grid).unwrap();
+    assert_eq!(assert_closed_manifold(&mesh), 4);
+    assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+    let at = points(&positions);
+    assert!(mesh.faces().iter().all(|face| {
+        let sides = face.map(|vertex| at[vertex as usize][0]);
+        sides.iter().all(|&x| x >= 0.0) || sides.iter().all(|&x| x <= 0.0)
+    }));
+}
+
 #[test]
 fn a_plane_that_leaves_the_grid_is_open_and_exact() {
     let grid = Grid::new([3, 4, 70], [0.0; 3], 0.5).unwrap();
