@@ -1,9 +1,14 @@
 //! Triangle meshes that change: remeshing, subdivision, distances between surfaces, surfaces of fields.
 
+mod distances;
 mod error;
 mod field;
 mod grid;
 
+pub use distances::{
+    FScore, NearestPoints, PointDistance, SurfacePoints, chamfer_distance, draw_points, f_score,
+    nearest_on_surface, nearest_points, normal_consistency,
+};
 pub use error::MeshError;
 pub use field::{FieldSurface, extract_surface, field_surface};
 pub use grid::Grid;

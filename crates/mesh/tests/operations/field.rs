@@ -130,7 +130,8 @@ fn fields_that_are_exactly_0_at_points_have_no_flat_faces() {
     let diamond = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs() - 3.0;
     let cube = |[x, y, z]: [f64; 3]| x.abs().max(y.abs()).max(z.abs()) - 2.0;
     // The second has all of its vertices at points of the grid.
-    let fields: [(&dyn Fn([f64; 3]) -> f64, f64); 4] = [
+    type Field<'a> = &'a dyn Fn([f64; 3]) -> f64;
+    let fields: [(Field<'_>, f64); 4] = [
         (&distance, 4.0 / 3.0 * PI * 27.0),
         (&|p| distance(p).min(0.0), f64::NAN),
         (&diamond, 36.0),
