@@ -4,6 +4,10 @@ mod distances;
 mod error;
 mod field;
 mod grid;
+// Unit tests compile what they call.
+#[cfg(all(feature = "precompiled", not(test)))]
+#[doc(hidden)]
+pub mod precompiled;
 
 pub use distances::{
     FScore, NearestPoints, PointDistance, SurfacePoints, chamfer_distance, draw_points, f_score,
