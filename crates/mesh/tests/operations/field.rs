@@ -1,12 +1,13 @@
 //! Surfaces of fields.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 use bokashi_core::parallel::with_threads;
 use bokashi_core::{Tape, Tensor};
 use bokashi_mesh::{Grid, MeshError, extract_surface, field_surface};
-use bokashi_render_ops::Mesh;
+use bokashi_render_ops::glam::DMat4;
+use bokashi_render_ops::{Background, Mesh, RasterOptions, Silhouettes, Size, project, render};
 use proptest::prelude::*;
 
 /// The points of a surface.
@@ -176,7 +177,34 @@ fn a_plane_that_leaves_the_grid_is_open_and_exact() {
     let field = grid.sampled(|p| dot(normal, p) - 9.13);
     let (positions, mesh) = extract_surface(&field, None, &grid).unwrap();
     assert!(mesh.adjacency().boundary_edges() > 0);
+    // Border vertices lie exactly in the planes of the border.
+    let last = grid.position(grid.point_count() - 1);
+    let is_at_border = |p: &&[f64; 3]| (0..3).any(|axis| p[axis] == 0.0 || p[axis] == last[axis]);
+    let open = passed(&mesh).into_iter().filter(|(_, passed)| *passed != [1, 1]);
+    let ends: BTreeSet<_> = open.flat_map(|(edge, _)| edge).collect();
+    assert!(ends.iter().all(|&end| is_at_border(&&points(&positions)[end as usize])));
     assert!(points(&positions).iter().all(|&p| (dot(normal, p) - 9.13).abs() < 1e-12));
+}
+
+/// What a picture shows of a sphere grows with it.
+#[test]
+fn a_picture_of_a_field_has_its_gradient() {
+    let grid = grid(12);
+    let tape = Tape::new();
+    let field = tape.leaf(&grid.sampled(|[x, y, z]| sphere([1.3 * x, 1.3 * y, 1.3 * z])));
+    let surface = field_surface(field, None, &grid).unwrap();
+    let clip = project(surface.positions, &DMat4::IDENTITY, None).unwrap();
+    let white = tape.constant_full([surface.mesh.vertex_count(), 1], 1.0);
+    let options = RasterOptions::new(Size::square(32)).silhouettes(Silhouettes::Exact);
+    let picture = render(clip, &surface.mesh, white, options, Background::Zero).unwrap();
+    let area = picture.image().unwrap().sum();
+    let covered = area.item() / 1024.0 * 4.0;
+    let disc = PI * (0.8_f64 / 1.3).powi(2);
+    assert!((covered / disc - 1.0).abs() < 0.03, "{covered} {disc}");
+    // To add a number to the field everywhere is to shrink the sphere: by 1 / 1.3 of it.
+    let slope: f64 = area.backward().unwrap().get(field).unwrap().data().iter().sum();
+    let expected = -2.0 * PI * 0.8 / 1.3 / 1.3 * 1024.0 / 4.0;
+    assert!((slope / expected - 1.0).abs() < 0.05, "{slope} {expected}");
 }
 
 #[test]
