@@ -194,10 +194,17 @@ fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
 const LISTS: [&str; 5] =
     ["mipmaps", "sample_texture", "sample_cube_map", "composite_layers", "lens_picture"];
 
-/// What makes something in each step: a matrix, a reference image, a list of creases, tapes of parts. All but the
-/// last have steps of their own below.
-const MAKING: [&str; 4] =
-    ["sparse_product", "squared_error, a picture", "rasterize, exact", "sum_over"];
+/// What makes something in each step: a matrix, a reference image, a list of creases, tapes of parts, a mesh, trees of
+/// points. The first three have steps of their own below.
+const MAKING: [&str; 7] = [
+    "sparse_product",
+    "squared_error, a picture",
+    "rasterize, exact",
+    "sum_over",
+    "field_surface",
+    "chamfer_distance",
+    "draw_points",
+];
 
 #[test]
 fn a_steady_step_of_every_operation_allocates_nothing() {

@@ -84,7 +84,9 @@ fn every_benchmark_is_on_the_tape_under_its_name_and_is_walked_back() {
 }
 
 /// Benchmarks of functions that record other operations.
-const COMPOSITIONS: [&str; 8] = [
+const COMPOSITIONS: [&str; 10] = [
+    "chamfer_distance",
+    "draw_points",
     "keepdim",
     "mean_absolute_error",
     "mean_charbonnier_error",

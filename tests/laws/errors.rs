@@ -15,6 +15,7 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
+use bokashi_mesh::{Grid, MeshError, nearest_on_surface, normal_consistency};
 use bokashi_render_ops::{
     Background, Blur, Coverage, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
     RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
@@ -232,6 +233,39 @@ fn every_render_error_says_the_rule_and_the_value() {
     let table = table.into_iter().map(|(error, message)| (error, told(message)));
     // A transparent error shows the one below it: by name it is `Tensor`.
     assert_messages(&all, table.collect(), met_in_the_catalogue::<RenderError>());
+}
+
+#[test]
+fn every_mesh_error_says_the_rule_and_the_value() {
+    let points = Tensor::<f64>::zeros([3, 3]);
+    let (flat, empty) = (Mesh::new(vec![[0, 1, 2]], 3).unwrap(), Mesh::new(vec![], 3).unwrap());
+    let table: Vec<(MeshError, &str)> = vec![
+        (
+            Grid::new([4, 1, 3], [0.0; 3], 1.0).unwrap_err(),
+            "a grid needs at least 2 points along each axis and fewer than 2^31 in all, \
+             got 4 x 1 x 3",
+        ),
+        (
+            Grid::new([2; 3], [0.0, 0.5, 0.0], -1.0).unwrap_err(),
+            "a grid needs finite points and a positive spacing, \
+             got origin [0.0, 0.5, 0.0] and spacing -1",
+        ),
+        (
+            nearest_on_surface(&points, &points, &empty).map(drop).unwrap_err(),
+            "nearest_on_surface needs a mesh with faces, got none",
+        ),
+        (
+            normal_consistency((&points, &flat), (&points, &flat), 9, 0).unwrap_err(),
+            "normal_consistency needs a surface with an area, got 1 faces that have none",
+        ),
+        (
+            Mesh::new(vec![[0, 1, 3]], 3).unwrap_err().into(),
+            "a face needs vertex indices below 3, got 3 in face 0",
+        ),
+    ];
+    let all = variants("crates/mesh/src/error.rs", "MeshError");
+    let table = table.into_iter().map(|(error, message)| (error, message.to_owned()));
+    assert_messages(&all, table.collect(), met_in_the_catalogue::<MeshError>());
 }
 
 /// What a step of a fit of one parameter x, from `start`, says.

@@ -91,6 +91,30 @@ fn losses() -> Vec<String> {
     names.collect()
 }
 
+/// The functions of `bokashi-mesh` that record something, and those whose results do.
+fn on_meshes() -> Vec<String> {
+    let source = crates().join("mesh/src");
+    let library = fs::read_to_string(source.join("lib.rs")).unwrap();
+    let modules = library.lines().filter_map(|line| line.strip_prefix("mod "));
+    let texts = modules.flat_map(|module| {
+        let module = source.join(module.trim_end_matches(';'));
+        let inner = if module.is_dir() { files(&module) } else { Vec::new() };
+        let own = [module.with_extension("rs"), module.join("mod.rs")];
+        let own = own.iter().find_map(|file| fs::read_to_string(file).ok());
+        inner.into_iter().map(|(_, text)| text).chain(own)
+    });
+    let names = texts.flat_map(|text| {
+        let code = text.split("#[cfg(test)]").next().unwrap().to_owned();
+        let functions = code.split("\npub fn ").skip(1).filter_map(|function| {
+            let (head, _) = function.split_once('{')?;
+            let is_on_a_tape = head.contains("Var<") || function.starts_with("draw_points");
+            is_on_a_tape.then(|| head.split(['<', '(']).next().unwrap_or_default().to_owned())
+        });
+        functions.collect::<Vec<_>>()
+    });
+    names.collect()
+}
+
 /// The sources of the catalogue's entries in a folder, one after the other.
 fn entries(folder: &str) -> String {
     let files = files(&crates().join("catalogue/src").join(folder)).into_iter();
@@ -133,6 +157,22 @@ fn every_loss_has_an_entry() {
     assert!(losses.len() >= 13, "only {losses:?} were found");
     for name in losses {
         assert!(catalogue.contains(&format!("{name}(")), "{name} has no entry");
+    }
+}
+
+#[test]
+fn every_operation_on_meshes_has_an_entry_with_a_benchmark_and_is_compiled_ahead() {
+    let (operations, catalogue) = (on_meshes(), entries("meshes"));
+    assert!(operations.len() >= 3, "only {operations:?} were found");
+    let ahead = fs::read_to_string(crates().join("mesh/src/precompiled.rs")).unwrap();
+    for name in operations {
+        let subjects = blocks(&catalogue, "impl Subject for ").concat();
+        assert!(calls(&subjects, &name), "{name} has no entry");
+        assert!(
+            catalogue.contains(&format!("benchmark!(entry, \"{name}\"")),
+            "{name} has no benchmark"
+        );
+        assert!(calls(&ahead, &name), "{name} is not compiled ahead");
     }
 }
 

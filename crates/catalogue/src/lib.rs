@@ -22,6 +22,7 @@ mod inputs;
 mod losses;
 mod materials;
 mod measures;
+mod meshes;
 mod references;
 mod rendering;
 mod surfaces;
@@ -55,6 +56,8 @@ macro_rules! for_each_operation {
             losses:
                 mean_error ssim_error silhouette_error depth_error halved
                 total_variation vertices weighted_error;
+            meshes:
+                field_surface chamfer_distance draw_points;
             tensors:
                 squared_error add sub mul div pow select minimum maximum affine exp ln
                 sqrt powi powf sin cos tanh sigmoid softplus relu abs clamp sum mean

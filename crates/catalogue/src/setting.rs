@@ -6,6 +6,7 @@ use std::sync::Arc;
 use bokashi_check::Refusal;
 use bokashi_core::{Mask, Scalar, Tape, Tensor, Var};
 use bokashi_fit::{RigidWeights, Rigidity, Topology};
+use bokashi_mesh::Grid;
 use bokashi_render_ops::{
     Background, Fragments, Mesh, RenderError, Size, Weighting, antialias, composite, differentials,
     interpolate, project, rasterize, vertex_normals,
@@ -22,6 +23,10 @@ pub struct Setting {
     /// Which vertices share an edge, and the mesh as it was before it moved.
     pub(crate) topology: Topology,
     pub(crate) rigidity: Rigidity,
+    /// A grid of at most as many points as there are pixels, a sphere's signed distance at them, and offsets.
+    pub(crate) grid: Grid,
+    pub(crate) field: Tensor<f64>,
+    pub(crate) offsets: Tensor<f64>,
     /// `[V, 3]`, `[V, 3]`, `[V, 2]` and `[V, 3]`.
     pub(crate) positions: Tensor<f64>,
     pub(crate) normals: Tensor<f64>,
@@ -115,8 +120,13 @@ impl Setting {
         let topology = Topology::new(mesh.faces(), count)?;
         let rest = positions.map(|x: f64| x + 0.125 * x * x);
         let sums = rows as u32 / 6 + 1;
+        let side = (2..).take_while(|side| side * side * side <= all).last().unwrap_or(2);
+        let grid = Grid::new([side; 3], [-1.0; 3], 2.0 / (side - 1) as f64)?;
         Ok(Self {
             rigidity: Rigidity::new(&topology, &rest, RigidWeights::Cotangent)?,
+            field: single(grid.sampled(|[x, y, z]| (x * x + y * y + z * z).sqrt() - 0.75)),
+            offsets: of(&[grid.point_count(), 3], -0.01, 0.01),
+            grid,
             topology,
             camera,
             size,

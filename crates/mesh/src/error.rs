@@ -46,4 +46,18 @@ pub enum MeshError {
         /// Where it would stand.
         position: [f64; 3],
     },
+    /// A surface without an area.
+    #[error("{operation} needs a surface with an area, got {faces} faces that have none")]
+    NoArea {
+        /// The operation.
+        operation: &'static str,
+        /// How many faces there are.
+        faces: usize,
+    },
+    /// A mesh without faces.
+    #[error("{operation} needs a mesh with faces, got none")]
+    NoFaces {
+        /// The operation.
+        operation: &'static str,
+    },
 }

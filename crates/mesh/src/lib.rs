@@ -4,14 +4,19 @@ mod box_tree;
 mod connectivity;
 mod crossing;
 mod derived_mesh;
+mod distances;
 mod edges;
 mod error;
 mod field;
-mod grid;
 #[cfg(test)]
 mod fixtures;
+mod grid;
 mod measures;
 mod placed;
+// Unit tests compile what they call.
+#[cfg(all(feature = "precompiled", not(test)))]
+#[doc(hidden)]
+pub mod precompiled;
 mod remesh;
 mod rings;
 mod smooth;
@@ -20,6 +25,10 @@ mod triangle;
 
 pub use connectivity::Connectivity;
 pub use derived_mesh::DerivedMesh;
+pub use distances::{
+    FScore, NearestPoints, PointDistance, SurfacePoints, chamfer_distance, draw_points, f_score,
+    nearest_on_surface, nearest_points, normal_consistency,
+};
 pub use error::MeshError;
 pub use field::{FieldSurface, extract_surface, field_surface};
 pub use grid::Grid;

@@ -11,7 +11,9 @@
 //!
 //! # Where it is not smooth
 //! Which edges are crossed steps as a number of the field changes its sign: there faces come and go. A vertex is then
-//! at the point itself, so the surface moves without a jump.
+//! at the point itself, so the surface moves without a jump. Where it is exactly there, vertices of several edges
+//! coincide. They are merged as far as the surface stays a manifold (`coincident`). A merged vertex moves along the first
+//! of its edges.
 //!
 //! # By hand
 //! A composition gathers both ends, and writes some ten arrays of the size of the surface. This saves the ends alone.
@@ -20,6 +22,7 @@
 //! Shen et al., *Deep marching tetrahedra*, NeurIPS 2021, eq. (2). Kuhn, *Some combinatorial lemmas in topology*, IBM
 //! Journal 4(5), 1960: the six tetrahedra.
 
+mod coincident;
 mod signs;
 mod tetrahedra;
 mod vertices;
@@ -30,6 +33,7 @@ use bokashi_core::{
 };
 use bokashi_render_ops::{Mesh, RenderError};
 
+use self::coincident::{coincident_edges, collapse};
 use self::signs::Signs;
 use self::vertices::Points;
 use crate::error::MeshError;
@@ -50,8 +54,12 @@ pub struct FieldSurface<'t, T: Scalar> {
 /// The surface on which `field` is 0: a number at each point of `grid`, `[nx, ny, nz]` or `[P]`, below 0 inside.
 /// `offsets: [P, 3]` move the points of the grid. The mesh goes into `rasterize` as any other.
 ///
-/// A surface that does not reach the grid's border is closed, and it is a manifold. At the border it is open. A field without
-/// a change of sign has an empty surface. Offsets of less than half the spacing keep the surface from folding.
+/// A surface that does not reach the grid's border is closed. At the border it is open. It is a manifold everywhere. A
+/// field without a change of sign has an empty surface. Numbers that are exactly 0 count as outside. There vertices
+/// coincide, and faces without an area are dropped unless that would tear or pinch the surface.
+///
+/// Offsets along an axis below a sixth of the spacing leave every tetrahedron its orientation; larger ones may fold the
+/// surface.
 ///
 /// The field alone is visited where nothing changes sign, a bit for each point; a gradient is 0 there. A mesh is made
 /// in each step.
@@ -158,8 +166,20 @@ impl<T: Scalar> Saved<T> {
         self.vertices.clear();
         self.vertices.resize(edges.len(), [T::ZERO; 3]);
         points.write_vertices(edges, &mut self.vertices)?;
-        self.mesh = Some(Mesh::new(faces, edges.len())?);
+        let coincident = coincident_edges(&faces, &self.vertices);
+        if !coincident.is_empty() {
+            let kept;
+            (kept, faces) = collapse(faces, edges.len(), coincident);
+            self.keep(&kept);
+        }
+        self.mesh = Some(Mesh::new(faces, self.edges.len())?);
         Ok(())
+    }
+
+    /// Leaves out all but some vertices.
+    fn keep(&mut self, kept: &[u32]) {
+        self.edges = kept.iter().map(|&vertex| self.edges[vertex as usize]).collect();
+        self.vertices = kept.iter().map(|&vertex| self.vertices[vertex as usize]).collect();
     }
 }
 

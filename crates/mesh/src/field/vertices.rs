@@ -1,8 +1,10 @@
 //! Where the surface crosses an edge of the grid, and what the field and the grid's points get back from there.
 //!
 //! # Forward
-//! With `a` the end inside and `b` the one outside, `f_a < 0 <= f_b`: `w_b = 1 / (1 - f_b / f_a)`, `w_a = 1 - w_b`,
-//! and `p = w_a p_a + w_b p_b`. That is `(p_a f_b - p_b f_a) / (f_b - f_a)`, without a product that could overflow.
+//! With `a` the end inside and `b` the one outside, `f_a < 0 <= f_b`, and `r = f_b / f_a`: `w_b = 1 / (1 - r)`,
+//! `w_a = -r w_b`, and `p = w_a p_a + w_b p_b`. That is `(p_a f_b - p_b f_a) / (f_b - f_a)`, without a product that
+//! could overflow. It is reckoned from the nearer end: a vertex at a point stands exactly there, and one on a plane of the
+//! grid exactly in it.
 //!
 //! # Backward
 //! With `g = p_bar . (p_b - p_a)` and `s = f_a - f_b`, which is negative: `f_bar_a += g w_a / s`,
@@ -40,8 +42,22 @@ impl<T: Scalar> Points<'_, T> {
     /// The shares of the ends of an edge in its vertex.
     fn weights(&self, edge: [u32; 2]) -> [T::Wide; 2] {
         let [inside, outside] = edge.map(|end| self.field[end as usize].widen());
-        let weight = T::Wide::ONE / (T::Wide::ONE - outside / inside);
-        [T::Wide::ONE - weight, weight]
+        let ratio = outside / inside;
+        let weight = T::Wide::ONE / (T::Wide::ONE - ratio);
+        // The quotient of the smallest number and the largest one is none.
+        let other = if ratio.is_finite() { -ratio * weight } else { T::Wide::ONE };
+        [other, weight]
+    }
+
+    /// The vertex of an edge.
+    fn vertex(&self, edge: [u32; 2]) -> [T; 3] {
+        let [a, b] = edge.map(|end| self.position(end));
+        let [of_a, of_b] = self.weights(edge);
+        [0, 1, 2].map(|axis| {
+            let along = b[axis] - a[axis];
+            let from_a = of_b <= of_a;
+            T::narrow(if from_a { a[axis] + along * of_b } else { b[axis] - along * of_a })
+        })
     }
 
     /// Writes the vertices of `edges`.
@@ -59,11 +75,7 @@ impl<T: Scalar> Points<'_, T> {
             let wrong = offsets.iter().skip(1024 * part).position(|entry| !entry.is_finite());
             return Err(self.misplaced((1024 * part + wrong.unwrap_or_default()) / 3));
         }
-        write_each(vertices, PER_PIECE, |vertex| {
-            let [a, b] = edges[vertex].map(|end| self.position(end));
-            let weights = self.weights(edges[vertex]);
-            [0, 1, 2].map(|axis| T::narrow(a[axis] * weights[0] + b[axis] * weights[1]))
-        });
+        write_each(vertices, PER_PIECE, |vertex| self.vertex(edges[vertex]));
         let Some(wrong) = vertices.chunks(341).position(|part| !is_finite(part.as_flattened()))
         else {
             return Ok(());

@@ -1,12 +1,13 @@
 //! Surfaces of fields.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 use bokashi_core::parallel::with_threads;
 use bokashi_core::{Tape, Tensor};
 use bokashi_mesh::{Grid, MeshError, extract_surface, field_surface};
-use bokashi_render_ops::Mesh;
+use bokashi_render_ops::glam::DMat4;
+use bokashi_render_ops::{Background, Mesh, RasterOptions, Silhouettes, Size, project, render};
 use proptest::prelude::*;
 
 /// The points of a surface.
@@ -117,6 +118,58 @@ fn the_front_of_every_face_is_outside() {
     }
 }
 
+/// Whether a face has two corners at one place.
+fn is_flat(positions: &Tensor<f64>, face: [u32; 3]) -> bool {
+    let [a, b, c] = face.map(|vertex| points(positions)[vertex as usize]);
+    a == b || b == c || c == a
+}
+
+#[test]
+fn fields_that_are_exactly_0_at_points_have_no_flat_faces() {
+    let grid = Grid::new([9; 3], [-4.0; 3], 1.0).unwrap();
+    let distance = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt() - 3.0;
+    let diamond = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs() - 3.0;
+    let cube = |[x, y, z]: [f64; 3]| x.abs().max(y.abs()).max(z.abs()) - 2.0;
+    // The second has all of its vertices at points of the grid.
+    type Field<'a> = &'a dyn Fn([f64; 3]) -> f64;
+    let fields: [(Field<'_>, f64); 4] = [
+        (&distance, 4.0 / 3.0 * PI * 27.0),
+        (&|p| distance(p).min(0.0), f64::NAN),
+        (&diamond, 36.0),
+        // Every second edge is cut off between points of the grid, since cells have one diagonal.
+        (&cube, 54.0),
+    ];
+    for (field, exact) in fields {
+        let (positions, mesh) = extract_surface(&grid.sampled(field), None, &grid).unwrap();
+        assert_eq!(assert_closed_manifold(&mesh), 2);
+        assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+        let volume = volume(&positions, &mesh);
+        assert!(exact.is_nan() || (volume / exact - 1.0).abs() < 0.06, "{volume}");
+    }
+    // A point alone outside, with the number 0, is no bubble.
+    let inside = |p: [f64; 3]| if p == [0.0; 3] { 0.0 } else { distance(p) };
+    let (positions, mesh) = extract_surface(&grid.sampled(inside), None, &grid).unwrap();
+    assert_eq!(assert_closed_manifold(&mesh), 2);
+    assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+}
+
+#[test]
+fn two_shapes_that_meet_in_a_plane_stay_two() {
+    let grid = Grid::new([7, 5, 5], [-3.0, -2.0, -2.0], 1.0).unwrap();
+    let field = grid.sampled(|[x, y, z]| {
+        let wall = y.abs().max(z.abs()) - 1.5;
+        (-x.abs()).max(wall).max(x.abs() - 2.5)
+    });
+    let (positions, mesh) = extract_surface(&field, None, &grid).unwrap();
+    assert_eq!(assert_closed_manifold(&mesh), 4);
+    assert!(!mesh.faces().iter().any(|&face| is_flat(&positions, face)));
+    let at = points(&positions);
+    assert!(mesh.faces().iter().all(|face| {
+        let sides = face.map(|vertex| at[vertex as usize][0]);
+        sides.iter().all(|&x| x >= 0.0) || sides.iter().all(|&x| x <= 0.0)
+    }));
+}
+
 #[test]
 fn a_plane_that_leaves_the_grid_is_open_and_exact() {
     let grid = Grid::new([3, 4, 70], [0.0; 3], 0.5).unwrap();
@@ -124,7 +177,34 @@ fn a_plane_that_leaves_the_grid_is_open_and_exact() {
     let field = grid.sampled(|p| dot(normal, p) - 9.13);
     let (positions, mesh) = extract_surface(&field, None, &grid).unwrap();
     assert!(mesh.adjacency().boundary_edges() > 0);
+    // Border vertices lie exactly in the planes of the border.
+    let last = grid.position(grid.point_count() - 1);
+    let is_at_border = |p: &&[f64; 3]| (0..3).any(|axis| p[axis] == 0.0 || p[axis] == last[axis]);
+    let open = passed(&mesh).into_iter().filter(|(_, passed)| *passed != [1, 1]);
+    let ends: BTreeSet<_> = open.flat_map(|(edge, _)| edge).collect();
+    assert!(ends.iter().all(|&end| is_at_border(&&points(&positions)[end as usize])));
     assert!(points(&positions).iter().all(|&p| (dot(normal, p) - 9.13).abs() < 1e-12));
+}
+
+/// What a picture shows of a sphere grows with it.
+#[test]
+fn a_picture_of_a_field_has_its_gradient() {
+    let grid = grid(12);
+    let tape = Tape::new();
+    let field = tape.leaf(&grid.sampled(|[x, y, z]| sphere([1.3 * x, 1.3 * y, 1.3 * z])));
+    let surface = field_surface(field, None, &grid).unwrap();
+    let clip = project(surface.positions, &DMat4::IDENTITY, None).unwrap();
+    let white = tape.constant_full([surface.mesh.vertex_count(), 1], 1.0);
+    let options = RasterOptions::new(Size::square(32)).silhouettes(Silhouettes::Exact);
+    let picture = render(clip, &surface.mesh, white, options, Background::Zero).unwrap();
+    let area = picture.image().unwrap().sum();
+    let covered = area.item() / 1024.0 * 4.0;
+    let disc = PI * (0.8_f64 / 1.3).powi(2);
+    assert!((covered / disc - 1.0).abs() < 0.03, "{covered} {disc}");
+    // To add a number to the field everywhere is to shrink the sphere: by 1 / 1.3 of it.
+    let slope: f64 = area.backward().unwrap().get(field).unwrap().data().iter().sum();
+    let expected = -2.0 * PI * 0.8 / 1.3 / 1.3 * 1024.0 / 4.0;
+    assert!((slope / expected - 1.0).abs() < 0.05, "{slope} {expected}");
 }
 
 #[test]

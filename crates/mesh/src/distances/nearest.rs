@@ -1,0 +1,104 @@
+//! Nearest points: of a cloud, and on a surface.
+
+use bokashi_core::parallel::write_each;
+use bokashi_core::{Scalar, Tensor};
+use bokashi_render_ops::Mesh;
+
+use super::cloud::{Scale, dot, minus, points, some_points, vertices};
+use super::surface_points::SurfacePoints;
+use super::tree::{Extent, Tree};
+use super::triangle;
+use crate::error::MeshError;
+
+/// Queries in one piece of work.
+const PER_PIECE: usize = 1 << 8;
+
+/// For each query the nearest of some points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NearestPoints {
+    /// The index of the point; of several at one distance the lowest.
+    pub indices: Vec<u32>,
+    /// How far it is away.
+    pub distances: Vec<f64>,
+}
+
+/// For each of `queries: [n, 3]` the nearest of `points: [m, 3]`, found in a tree of boxes.
+///
+/// Distances are compared in `f64`, squared. Points of any size are told apart, since they are scaled first.
+///
+/// # Errors
+/// `TensorError::Shape` unless the shapes are these, and m is at least 1; `TensorError::Value` for a number that is
+/// not finite.
+pub fn nearest_points<T: Scalar>(
+    queries: &Tensor<T>,
+    points: &Tensor<T>,
+) -> Result<NearestPoints, MeshError> {
+    nearest_of(NAME, queries, points)
+}
+
+const NAME: &str = "nearest_points";
+
+/// [`nearest_points`], for the operation of that name.
+pub(super) fn nearest_of<T: Scalar>(
+    operation: &'static str,
+    queries: &Tensor<T>,
+    from: &Tensor<T>,
+) -> Result<NearestPoints, MeshError> {
+    let mut queries = points(queries, operation, "points")?;
+    let mut from = some_points(from, operation, "points")?;
+    let scale = Scale::balance([&mut queries, &mut from]);
+    let extents: Vec<Extent> = from.iter().map(|&point| [point; 2]).collect();
+    let tree = Tree::new(&extents);
+    let mut found = vec![(0, 0.0); queries.len()];
+    write_each(&mut found, PER_PIECE, |k| {
+        tree.nearest(queries[k], |point| {
+            let away = minus(queries[k], from[point as usize]);
+            dot(away, away)
+        })
+    });
+    let distances = found.iter().map(|(_, square)| scale.length(square.sqrt())).collect();
+    Ok(NearestPoints { indices: found.into_iter().map(|(index, _)| index).collect(), distances })
+}
+
+/// For each of `queries: [n, 3]` the nearest point on the surface of `mesh` with vertices `positions: [V, 3]`, and how
+/// far it is away. Of faces at one distance it is on the one with the lowest index. Faces without an area count as
+/// the edges or points that they are.
+///
+/// # Errors
+/// `TensorError::Shape` unless the shapes are these; `TensorError::Value` for a number that is not finite;
+/// [`MeshError::NoFaces`] for a mesh without faces.
+pub fn nearest_on_surface<T: Scalar>(
+    queries: &Tensor<T>,
+    positions: &Tensor<T>,
+    mesh: &Mesh,
+) -> Result<(SurfacePoints<T>, Vec<f64>), MeshError> {
+    const NAME: &str = "nearest_on_surface";
+    let mut queries = points(queries, NAME, "queries")?;
+    let mut at = vertices(positions, mesh, NAME)?;
+    let scale = Scale::balance([&mut queries, &mut at]);
+    if mesh.faces().is_empty() {
+        return Err(MeshError::NoFaces { operation: NAME });
+    }
+    let corners = |face: u32| mesh.faces()[face as usize].map(|vertex| at[vertex as usize]);
+    let extent = |face: u32| {
+        let corners = corners(face);
+        let bound = |choose: fn(f64, f64) -> f64| {
+            [0, 1, 2].map(|axis| {
+                corners.map(|corner| corner[axis]).into_iter().fold(corners[0][axis], choose)
+            })
+        };
+        [bound(f64::min), bound(f64::max)]
+    };
+    let extents: Vec<Extent> = (0..mesh.faces().len() as u32).map(extent).collect();
+    let tree = Tree::new(&extents);
+    let mut found = vec![(0, [0.0; 3], 0.0); queries.len()];
+    write_each(&mut found, PER_PIECE, |k| {
+        let (face, _) =
+            tree.nearest(queries[k], |face| triangle::nearest(corners(face), queries[k]).1);
+        let (weights, square) = triangle::nearest(corners(face), queries[k]);
+        (face, weights, scale.length(square.sqrt()))
+    });
+    let distances = found.iter().map(|&(.., distance)| distance).collect();
+    let (faces, weights) = found.into_iter().map(|(face, weights, _)| (face, weights)).unzip();
+    Ok((SurfacePoints::new(faces, weights, mesh)?, distances))
+}

@@ -1,0 +1,130 @@
+//! Points on a surface: where each lies does not change as the surface moves, so each moves along.
+
+use std::sync::Arc;
+
+use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError, Var};
+use bokashi_render_ops::Mesh;
+
+use super::cloud::{Scale, cross, dot, minus, vertices};
+use crate::error::MeshError;
+
+/// Points on the faces of a mesh, each with the face on which it lies and its barycentrics there.
+///
+/// A composition of a sparse matrix and what stands at vertices: positions, colours, normals.
+#[derive(Debug, Clone)]
+pub struct SurfacePoints<T: Scalar> {
+    faces: Arc<[u32]>,
+    barycentrics: Vec<[f64; 3]>,
+    matrix: SparseMatrix<T>,
+}
+
+impl<T: Scalar> SurfacePoints<T> {
+    /// The points with these barycentrics on these faces of `mesh`.
+    pub(super) fn new(
+        faces: Vec<u32>,
+        barycentrics: Vec<[f64; 3]>,
+        mesh: &Mesh,
+    ) -> Result<Self, TensorError> {
+        let corners = faces.iter().map(|&face| mesh.faces()[face as usize]);
+        let entries =
+            (0..).zip(corners.zip(&barycentrics)).flat_map(|(row, (corners, weights))| {
+                [0, 1, 2].map(|k| (row, corners[k], T::from_f64(weights[k])))
+            });
+        let matrix = SparseMatrix::new(faces.len(), mesh.vertex_count(), entries)?;
+        Ok(Self { faces: faces.into(), barycentrics, matrix })
+    }
+
+    /// How many points there are.
+    pub fn count(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// The face of each point.
+    pub fn faces(&self) -> &Arc<[u32]> {
+        &self.faces
+    }
+
+    /// The weights of the corners of each point's face.
+    pub fn barycentrics(&self) -> &[[f64; 3]] {
+        &self.barycentrics
+    }
+
+    /// What stands at the points, `[n, C]`, of what stands at the vertices, `[V, C]`: the points themselves, of
+    /// positions. It is differentiable with respect to these.
+    ///
+    /// # Errors
+    /// `TensorError::Shape` unless there is a row for each vertex of the mesh.
+    pub fn interpolate<'t>(&self, attributes: Var<'t, T>) -> Result<Var<'t, T>, TensorError> {
+        self.matrix.product(attributes)
+    }
+
+    /// [`Self::interpolate`] without a tape.
+    ///
+    /// # Errors
+    /// As [`Self::interpolate`].
+    pub fn interpolated(&self, attributes: &Tensor<T>) -> Result<Tensor<T>, TensorError> {
+        let tape = bokashi_core::Tape::new();
+        Ok(self.interpolate(tape.constant(attributes))?.value())
+    }
+}
+
+/// `count` points on the surface of `mesh` with vertices `positions: [V, 3]`, drawn uniformly by area.
+///
+/// They are stratified: the k-th lies in the k-th of `count` equal shares of the area, in the order of the faces. The
+/// same seed gives the same points, on every machine.
+///
+/// # Errors
+/// `TensorError::Shape` unless the positions are `[V, 3]`; `TensorError::Value` for one that is not finite;
+/// [`MeshError::NoArea`] where the surface has no area.
+pub fn draw_points<T: Scalar>(
+    positions: &Tensor<T>,
+    mesh: &Mesh,
+    count: usize,
+    seed: u64,
+) -> Result<SurfacePoints<T>, MeshError> {
+    let mut at = vertices(positions, mesh, "draw_points")?;
+    Scale::balance([&mut at]);
+    let mut total = 0.0;
+    let below = mesh.faces().iter().map(|&face| {
+        total += double_area(face.map(|vertex| at[vertex as usize]));
+        total
+    });
+    let below: Vec<f64> = below.collect();
+    if total <= 0.0 {
+        return Err(MeshError::NoArea { operation: "draw_points", faces: mesh.faces().len() });
+    }
+    let mut random = Random { state: seed };
+    let draw = |k: usize| {
+        let share = (k as f64 + random.uniform()) / count as f64 * total;
+        // The first face up to which there is more area; the last one with an area, where rounding leads to the end.
+        let face = below.partition_point(|&area| area <= share);
+        let last = || below.partition_point(|&area| area < total);
+        let face = if face < below.len() { face } else { last() };
+        let (root, along) = (random.uniform().sqrt(), random.uniform());
+        (face as u32, [1.0 - root, root * (1.0 - along), root * along])
+    };
+    let (faces, barycentrics) = (0..count).map(draw).unzip();
+    Ok(SurfacePoints::new(faces, barycentrics, mesh)?)
+}
+
+/// Twice the area of a triangle.
+pub(super) fn double_area([a, b, c]: [[f64; 3]; 3]) -> f64 {
+    let normal = cross(minus(b, a), minus(c, a));
+    dot(normal, normal).sqrt()
+}
+
+/// Steele, Lea and Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014: SplitMix64.
+struct Random {
+    state: u64,
+}
+
+impl Random {
+    /// A number from 0 up, below 1.
+    fn uniform(&mut self) -> f64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.state;
+        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((bits ^ bits >> 31) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
