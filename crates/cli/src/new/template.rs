@@ -21,6 +21,10 @@ const HELD_OUT: usize = 8;
 const VIEWS: usize = 4;
 /// Images are made smaller at first, where they are longer.
 const LONGEST: usize = 600;
+/// Of a mesh that is remeshed, edges are so long as seen, in shares of the longest side of an image: some 4 pixels
+/// where the object fills half of it. They are no shorter than this share of the mesh's radius, for the sake of time.
+const EDGES: f64 = 8.0;
+const SHORTEST: f64 = 0.012;
 /// For a pose that is far off, images are made so small.
 const COARSE: usize = 16;
 
@@ -63,6 +67,9 @@ impl Template<'_> {
             return "nothing: there are no images";
         }
         match self.start.map(|start| start.paint) {
+            None if self.starts_from_hull() => {
+                "the shape, from what the masks allow, and its colours"
+            }
             None => "the vertices and the texture of the sphere",
             Some(Paint::Textures) => "the mesh's texture",
             Some(Paint::Coordinates) => "a texture of the mesh",
@@ -74,6 +81,11 @@ impl Template<'_> {
     /// Whether somebody has to fill in cameras.
     pub(super) fn needs_cameras(&self) -> bool {
         self.photographs.is_some_and(|photographs| matches!(photographs.source, Source::Nowhere))
+    }
+
+    /// Whether the fit starts from what the masks allow.
+    fn starts_from_hull(&self) -> bool {
+        self.start.is_none() && self.compares_masks() && !self.needs_cameras()
     }
 
     fn learns_shape(&self) -> bool {
@@ -116,6 +128,16 @@ impl Template<'_> {
 
     fn mesh(&self) -> String {
         let Some(start) = self.start else {
+            if self.starts_from_hull() {
+                return "# The mesh to start from: what the masks of all views allow. With a file:\n\
+                        # file = \"mesh.obj\" in place of shape and faces, and no `remesh` below.\n\
+                        [[meshes]]\nname = \"object\"\nshape = \"hull\"\nfaces = 3000\n\
+                        # The least share of views that agree where the object is. Others may have a bad mask.\n\
+                        # agreement = 0.8\n\
+                        # Colours are learnt at vertices, which move and change.\n\
+                        material = { vertex_colors = true }\n"
+                    .to_owned();
+            }
             let (center, radius) = self.ball();
             let is_placed = (center, radius) != (DVec3::ZERO, 1.0);
             let place = match is_placed {
@@ -213,6 +235,10 @@ impl Template<'_> {
              # The linear colour behind the objects.\nbackground = [0, 0, 0]\n\
              # \"srgb\" for photographs, \"linear\" for images of light.\ntone = \"srgb\"\n"
             .to_owned();
+        if self.starts_from_hull() {
+            toml += "# A hull is closed: what turns away from the camera is hidden, and need not be drawn.\n\
+                     cull = \"back\"\n";
+        }
         toml += "\n# With a light or an environment, surfaces answer light. Without, they show their colour.\n\
              # [[lights]]\n# kind = \"directional\"\n# direction = [1, 2, 3]  # towards the light\n\
              # color = [3, 3, 3]\n";
@@ -225,6 +251,9 @@ impl Template<'_> {
         let texture = "[learn.texture]\n\
              # Neighbouring texels are alike, where no view says otherwise.\ntotal_variation = 1e-3\n";
         let toml = match self.start.map(|start| start.paint) {
+            None if self.starts_from_hull() => {
+                format!("{vertices}# Colours at vertices.\n[learn.colors]\n")
+            }
             None => format!("{vertices}{texture}"),
             Some(Paint::Textures | Paint::Coordinates) => texture.to_owned(),
             Some(Paint::Colors) => "[learn.colors]\nrate = 0.05\n".to_owned(),
@@ -244,7 +273,14 @@ impl Template<'_> {
     }
 
     fn loss(&self) -> String {
-        let mut toml = "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n".to_owned();
+        let mut toml = match self.starts_from_hull() {
+            true => {
+                "[loss]\n# A view that does not fit, by its light or its mask, counts less than with \"squared\".\n\
+                 kind = \"huber\"\n"
+            }
+            false => "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n",
+        }
+        .to_owned();
         if self.compares_masks() {
             toml += "# The weight of silhouettes beside colours.\nsilhouette = 1.0\n";
         } else {
@@ -254,7 +290,36 @@ impl Template<'_> {
         toml
     }
 
+    /// The stages of a fit from a hull: the shape roughly, then finely, and then colours.
+    fn stages_from_hull(&self, photographs: &Photographs) -> String {
+        let (fine, views) = (reduce(&photographs.sizes), photographs.images.len().min(VIEWS));
+        let longest = photographs.sizes.iter().flatten().copied().max().unwrap_or(1);
+        let is_even = |k: usize| photographs.sizes.iter().flatten().all(|x| x.is_multiple_of(k));
+        let coarse = if is_even(2 * fine) { 2 * fine } else { fine };
+        let length = |reduce: usize| {
+            let length = EDGES * reduce as f64 / longest as f64;
+            (1e3 * length.clamp(SHORTEST, 0.1)).round() / 1e3
+        };
+        format!(
+            "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
+             # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
+             [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
+             remesh = {{ length = {}, every = 50 }}\n\n\
+             # Then all of it, as finely as the images show it.\n\
+             [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
+             remesh = {{ length = {}, every = 100 }}\n\n\
+             # At last colours alone.\n\
+             [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.3\n\
+             learn = [\"colors\"]\n",
+            number(length(coarse)),
+            number(length(fine))
+        )
+    }
+
     fn steps(&self) -> String {
+        if let Some(photographs) = self.photographs.filter(|_| self.starts_from_hull()) {
+            return self.stages_from_hull(photographs);
+        }
         let steps = if self.learns_shape() { 1000 } else { 500 };
         let images = self.photographs.map_or(1, |photographs| photographs.images.len());
         let views = images.min(VIEWS);

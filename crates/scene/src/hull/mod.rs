@@ -177,7 +177,6 @@ impl Hull {
         let grid = around(extent, rough)?;
         for left_out in std::iter::once(0).chain(doubled).take_while(|&count| count <= most) {
             let overlap = self.overlap(&grid, &self.values(&grid, extent, left_out));
-            eprintln!("{left_out} {overlap}");
             if overlap > best.1 + WORTH {
                 best = (left_out, overlap);
             }

@@ -26,7 +26,13 @@ fn all_over(count: usize) -> impl Iterator<Item = DVec3> {
 
 /// Photographs of `balls` from all around in `folder`, and their entries in a scene's file. One of `every` is
 /// held out.
-fn views(folder: &Path, balls: &[Ball], count: usize, every: usize, pixels: usize) -> String {
+pub(crate) fn views(
+    folder: &Path,
+    balls: &[Ball],
+    count: usize,
+    every: usize,
+    pixels: usize,
+) -> String {
     let mut text = String::new();
     fs::create_dir_all(folder.join("images")).unwrap();
     for (k, towards) in all_over(count).enumerate() {
@@ -58,7 +64,7 @@ pub(crate) fn fitted(scene: Scene) -> SceneFit {
 }
 
 /// The means of PSNR and of silhouettes' IoU of held-out views.
-fn held_out(fit: &SceneFit) -> [f64; 2] {
+pub(crate) fn held_out(fit: &SceneFit) -> [f64; 2] {
     let views = fit.scene().views.iter().enumerate().filter(|(_, view)| view.held_out);
     let scores: Vec<_> = views.map(|(number, _)| fit.score(number).unwrap()).collect();
     let count = scores.len() as f64;

@@ -4,6 +4,7 @@
 mod description;
 mod fits;
 mod fixtures;
+mod hulls;
 mod images;
 mod lenses;
 mod meshes;

@@ -314,6 +314,18 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
             Takes,
         ),
         ("stages.rates", "rates = 0.9", "rates = 0.4", Takes),
+        (
+            "stages.remesh.length",
+            "rates = 0.9",
+            "remesh = { length = 0.2 }",
+            Refused("`remesh` goes without"),
+        ),
+        (
+            "stages.remesh.every",
+            "rates = 0.9",
+            "remesh = { length = 0.2, every = 2 }",
+            Refused("`remesh` goes without"),
+        ),
         ("stages.learn", "rates = 0.9", "learn = [\"vertices\"]", Takes),
         ("stop.loss_below", "[loss]", "[stop]\nloss_below = 1e3\n[loss]", Takes),
         ("stop.patience", "[loss]", "[stop]\npatience = 1\n[loss]", Named),

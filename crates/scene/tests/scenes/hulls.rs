@@ -1,0 +1,226 @@
+//! Fits that start from what masks allow, and whose meshes get other vertices.
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use bokashi_core::parallel;
+use bokashi_fit::on_ranks;
+use bokashi_mesh::{Connectivity, self_intersections, signed_volume};
+use bokashi_scene::{Location, Object, Picture, Samples, Scene, SceneFit};
+use glam::DVec3;
+
+use crate::fits::views;
+use crate::fixtures::load;
+use crate::rays::Ball;
+
+/// Balls that overlap in a ring around z.
+fn ring() -> Vec<Ball> {
+    let center = |k: usize| {
+        let angle = TAU * k as f64 / 16.0;
+        DVec3::new(0.75 * angle.cos(), 0.75 * angle.sin(), 0.0)
+    };
+    (0..16).map(|k| Ball::motley(center(k), 0.3)).collect()
+}
+
+const HULL: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 1500\n\
+                    material = { vertex_colors = true }\n";
+
+/// Photographs of the ring in a folder, of which the last of `every` is held out, and their entries.
+fn photographs(folder: &Path, count: usize, every: usize, pixels: usize) -> String {
+    views(folder, &ring(), count, every, pixels)
+}
+
+fn connectivity(object: &Object) -> Connectivity {
+    Connectivity::new(&object.mesh)
+}
+
+#[test]
+fn a_hull_of_a_ring_is_closed_and_has_a_hole() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 24, 24, 96);
+    let scene = load(folder.path(), &(HULL.to_owned() + &text));
+    let object = &scene.objects[0];
+    let all = connectivity(object);
+    assert!(all.is_closed() && all.is_manifold());
+    assert_eq!((all.parts(), all.euler_characteristic()), (1, 0));
+    assert_eq!(self_intersections(&object.positions, &object.mesh).unwrap(), 0);
+    let count = object.mesh.faces().len();
+    assert!((1100..2000).contains(&count), "{count} faces");
+    // Nothing of the ring is cut off by more than a pixel, and fronts are outside.
+    let volume = signed_volume(&object.positions, &object.mesh).unwrap();
+    assert!(volume > 0.0, "{volume}");
+    for point in object.points() {
+        let outside = ring().iter().map(|ball| point.distance(ball.center) - ball.radius);
+        let outside = outside.fold(f64::INFINITY, f64::min);
+        assert!((-0.04..0.15).contains(&outside), "{outside} at {point}");
+    }
+}
+
+#[test]
+fn a_wrong_mask_does_not_carve_a_hull_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 16, 16, 64);
+    let volume = |scene: &Scene| {
+        let object = &scene.objects[0];
+        signed_volume(&object.positions, &object.mesh).unwrap()
+    };
+    let truth = volume(&load(folder.path(), &(HULL.to_owned() + &text)));
+    // Nothing is in the mask of one view, and all of it in that of another.
+    let mask = |name: &str, share: u8| {
+        let samples = Samples::U8((0..64 * 64).map(|k| if k == 0 { 255 } else { share }).collect());
+        let picture = Picture { width: 64, height: 64, channels: 1, samples };
+        let png = picture.encode_png(&Location::new(name)).unwrap();
+        fs::write(folder.path().join(name), png).unwrap();
+    };
+    mask("empty.png", 0);
+    mask("full.png", 255);
+    let wrong =
+        text.replace("image = \"images/3.png\"", "image = \"images/3.png\"\nmask = \"empty.png\"");
+    let wrong =
+        wrong.replace("image = \"images/7.png\"", "image = \"images/7.png\"\nmask = \"full.png\"");
+    let found = volume(&load(folder.path(), &(HULL.to_owned() + &wrong)));
+    assert!((0.9..1.3).contains(&(found / truth)), "{found} for {truth}");
+    // Who asks that all agree is told that they do not.
+    let all = HULL.replace("faces = 1500", "agreement = 1");
+    fs::write(folder.path().join("scene.toml"), all + &wrong).unwrap();
+    let error = Scene::load(folder.path().join("scene.toml")).unwrap_err().to_string();
+    assert!(
+        error.ends_with(
+            "a hull needs a place that is inside the masks of 1 of all views, and there is none"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_makes_no_hull_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 4, 5, 16);
+    let refused = |text: &str, rule: &str| {
+        fs::write(folder.path().join("scene.toml"), text).unwrap();
+        let error = Scene::load(folder.path().join("scene.toml")).unwrap_err().to_string();
+        assert!(error.contains(rule), "{error}");
+    };
+    let hull = HULL.to_owned();
+    refused(&hull, "of 0 that are learnt from none has one");
+    refused(
+        &(hull.clone() + &text.replace("held_out = false", "held_out = true")),
+        "of 0 that are learnt from none has one",
+    );
+    let first = text.find("[[views]]").unwrap();
+    let one = &text[first..][..text[first + 1..].find("[[views]]").unwrap()];
+    refused(&(hull.clone() + one), "cameras that look at one place from several sides");
+    let sphere = "[[meshes]]\nshape = \"sphere\"\nagreement = 0.9\n";
+    refused(&(sphere.to_owned() + &text), "`agreement` is that of a hull");
+}
+
+/// A fit of the ring whose mesh changes every two steps.
+const FIT: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 500\nmaterial = { vertex_colors = true }\n\
+                   [learn.vertices]\nsmoothing = 5.0\nlaplacian = 1e-3\n[learn.colors]\n\
+                   [learn.pose]\n[learn.cameras]\n[loss]\nsilhouette = 1.0\n\
+                   [[stages]]\nsteps = 3\nreduce = 2\nviews_per_step = 3\n\
+                   remesh = { length = 0.15, every = 2 }\n\
+                   [[stages]]\nsteps = 4\nviews_per_step = 3\n\
+                   remesh = { length = 0.1 }\n";
+
+fn bits(fit: &SceneFit) -> Vec<u32> {
+    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
+    raw.map(f32::to_bits).collect()
+}
+
+fn end(mut fit: SceneFit) -> Vec<u32> {
+    fit.run(|_| ()).unwrap();
+    bits(&fit)
+}
+
+#[test]
+fn a_fit_whose_mesh_changes_has_the_same_bits_however_it_is_interrupted_or_shared() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 8, 9, 32);
+    let load = || load(folder.path(), &(FIT.to_owned() + &text));
+    let mut fit = SceneFit::new(load()).unwrap();
+    let saved = folder.path().join("saved");
+    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
+    let mut counts = Vec::new();
+    loop {
+        counts.push(fit.scene().objects[0].mesh.faces().len());
+        fit.save(&saved).unwrap();
+        let again = SceneFit::resume(load(), &saved).unwrap();
+        assert_eq!(again.changed(), [""; 0]);
+        assert_eq!(bits(&again), bits(&fit));
+        assert!(end(again) == whole, "interrupted after {} steps", fit.steps_done());
+        if fit.step().unwrap().is_none() {
+            break;
+        }
+    }
+    assert!(bits(&fit) == whole);
+    // Steps 0, 2 and 3 changed the mesh.
+    let changes: Vec<_> = counts.windows(2).map(|pair| pair[0] != pair[1]).collect();
+    assert_eq!(changes[..4], [true, false, true, true], "{counts:?}");
+    assert_eq!(changes[4..], [false; 4], "{counts:?}");
+    for size in [2, 3] {
+        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
+        assert!(all.iter().all(|found| *found == whole), "{size} ranks");
+    }
+    for threads in [2, 3] {
+        let found = parallel::with_threads(threads, || end(SceneFit::new(load()).unwrap()));
+        assert!(found == whole, "{threads} threads");
+    }
+}
+
+#[test]
+fn a_ring_is_learnt_and_keeps_its_hole() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 24, 6, 96)
+        + "[learn.vertices]\nsmoothing = 10.0\n[learn.colors]\n[pipeline]\ncull = \"back\"\n\
+           [loss]\nkind = \"huber\"\nsilhouette = 1.0\n\
+           [[stages]]\nsteps = 60\nreduce = 2\nviews_per_step = 4\n\
+           remesh = { length = 0.1, every = 30 }\n\
+           [[stages]]\nsteps = 90\nviews_per_step = 4\nrates = 0.5\n\
+           remesh = { length = 0.06, every = 45 }\n";
+    let scene = load(folder.path(), &(HULL.to_owned() + &text));
+    let fit = crate::fits::fitted(scene);
+    let [psnr, iou] = crate::fits::held_out(&fit);
+    assert!(iou > 0.98, "{iou}");
+    assert!(psnr > 27.0, "{psnr} dB");
+    let learnt = fit.learnt().unwrap();
+    let all = connectivity(&learnt.objects[0]);
+    assert!(all.is_closed());
+    assert_eq!(all.euler_characteristic(), 0);
+    assert_eq!(
+        self_intersections(&learnt.objects[0].positions, &learnt.objects[0].mesh).unwrap(),
+        0
+    );
+}
+
+#[test]
+fn meshes_that_cannot_change_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 4, 5, 16);
+    let stage = "[[stages]]\nsteps = 1\nremesh = { length = 0.1 }\n";
+    let refused = |rest: &str, rule: &str| {
+        let scene = load(folder.path(), &(stage.to_owned() + rest + &text));
+        let error = SceneFit::new(scene).err().map(|error| error.to_string());
+        assert!(error.as_ref().is_some_and(|error| error.contains(rule)), "{error:?}");
+    };
+    let hull = "[[meshes]]\nshape = \"hull\"\nfaces = 100\n";
+    refused(&format!("{hull}[learn.texture]\n"), "`remesh` needs `learn.vertices`");
+    refused(&format!("{hull}[learn.vertices]\nrigid = 0.1\n"), "`remesh` goes without");
+    let sphere =
+        "[[meshes]]\nshape = \"sphere\"\nmaterial = { texture_size = 8 }\n[learn.vertices]\n";
+    refused(sphere, "\"sphere\" has textures");
+    // Coordinates that nothing is looked up by are no hindrance.
+    let scene = load(
+        folder.path(),
+        &(stage.to_owned() + &sphere.replace("texture_size = 8", "vertex_colors = true") + &text),
+    );
+    assert!(SceneFit::new(scene).unwrap().step().unwrap().is_some());
+    let mut short = String::new();
+    write!(short, "{hull}[learn.vertices]\n").unwrap();
+    let scene = load(folder.path(), &(stage.replace("0.1", "1e-9") + &short + &text));
+    let error = SceneFit::new(scene).unwrap().step().unwrap_err().to_string();
+    assert!(error.contains("needs"), "{error}");
+}
