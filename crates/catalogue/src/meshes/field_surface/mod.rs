@@ -75,7 +75,7 @@ fn refusing(check: Check) -> Check {
             of(vec![leaf([12], 1.0), leaf([2, 3, 2, 3], 0.0)]),
         )
         .refuses(
-            "grid points need finite positions, got [1.0, inf, 1.0] at grid point [0, 2, 1]",
+            "grid points need finite positions, got [1.0, inf, 2.0] at grid point [0, 2, 1]",
             of(vec![leaf([12], 1.0), with_one([12, 3], 16, f64::INFINITY)]),
         );
     [(f64::NAN, "NaN"), (f64::NEG_INFINITY, "-inf")].into_iter().fold(
