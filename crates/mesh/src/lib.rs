@@ -1,4 +1,31 @@
 //! Triangle meshes that change: remeshing, subdivision, distances between surfaces, surfaces of fields.
+//!
+//! ```
+//! use bokashi_core::{Tape, Tensor};
+//! use bokashi_mesh::{Grid, PointDistance, chamfer_distance, draw_points, field_surface};
+//!
+//! let grid = Grid::around([-1.0; 3], [1.0; 3], 16)?;
+//! let tape = Tape::<f32>::new();
+//! let ball = grid.sampled(|[x, y, z]| (x * x + y * y + z * z).sqrt() - 0.7);
+//! let field = tape.leaf(&ball);
+//! let surface = field_surface(field, None, &grid)?;
+//! assert_eq!(surface.mesh.adjacency().boundary_edges(), 0);
+//!
+//! let drawn = draw_points(&surface.positions.value(), &surface.mesh, 500, 1)?;
+//! let points = drawn.interpolate(surface.positions)?;
+//! let target = tape.constant(&Tensor::from_flat_fn([1, 3], |_| 0.4));
+//! let loss = chamfer_distance(points, target, PointDistance::Squared)?;
+//! assert!(loss.backward()?.get(field).is_some());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # What there is
+//!
+//! | topic | operations and types |
+//! |---|---|
+//! | surfaces of fields | [`field_surface()`] at the points of a [`Grid`], [`extract_surface()`] without a tape |
+//! | points on surfaces | [`draw_points()`], [`nearest_on_surface()`]; [`SurfacePoints`] move with the surface |
+//! | distances | [`chamfer_distance()`]; [`nearest_points()`], [`f_score()`], [`normal_consistency()`] |
 
 mod box_tree;
 mod connectivity;
