@@ -51,7 +51,7 @@ impl Changing<'_> {
 
     fn try_collapse(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
-        if self.is_seam(a, b) || !self.keeps_topology(edge) {
+        if !self.keeps_topology(edge) {
             return false;
         }
         let at = |vertex: u32| (self.sites[vertex as usize], self.points[vertex as usize]);

@@ -4,6 +4,7 @@ use bokashi_core::{Tensor, parallel};
 use bokashi_render_ops::glam::DVec3;
 use proptest::prelude::*;
 
+use super::guard::Proposal;
 use super::*;
 use crate::connectivity::Connectivity;
 use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
@@ -188,6 +189,64 @@ fn the_same_bits_come_from_any_number_of_threads_and_in_single_precision_too() {
 }
 
 #[test]
+fn edges_beside_one_that_must_not_be_split_are_not_halved_without_end() {
+    let mut sheets = sheet(2).and(sheet(2).moved(|p| DVec3::new(p.x, -p.y, p.y)));
+    sheets = welded(sheets.and(sheet(2).moved(|p| DVec3::new(p.x, 0.0, p.y))));
+    let new = remeshed(&sheets, &RemeshOptions { iterations: 1, ..RemeshOptions::uniform(0.05) });
+    let shortest = new.faces.iter().map(|face| {
+        let [a, b, c] = face.map(|vertex| new.points[vertex as usize]);
+        a.distance(b).min(b.distance(c)).min(c.distance(a))
+    });
+    let shortest = shortest.fold(f64::INFINITY, f64::min);
+    assert!(shortest > 0.02, "{shortest}");
+    assert!(new.faces.len() < 6000, "{}", new.faces.len());
+}
+
+#[test]
+fn slivers_of_an_old_mesh_are_gone() {
+    let stretched = sphere(16).moved(|p| DVec3::new(p.x, 0.4 * p.y, 2.0 * p.z));
+    let models = [
+        torus(30, 5, 0.1),
+        torus(12, 12, 0.4).shaken(0.05, 4),
+        stretched,
+        sphere(20).shaken(0.03, 9),
+    ];
+    for (index, model) in models.iter().enumerate() {
+        for length in [0.1, 0.2, 0.4] {
+            for (moves_vertices, least) in [(true, 0.45), (false, 0.2)] {
+                let options = RemeshOptions { moves_vertices, ..RemeshOptions::uniform(length) };
+                let new = remeshed(model, &options);
+                let corners = |face: &[u32; 3]| face.map(|vertex| new.points[vertex as usize]);
+                let worst = new.faces.iter().map(|face| quality(corners(face))).fold(1.0, f64::min);
+                assert!(worst > least, "{index} {length} {moves_vertices}: {worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_vertex_may_not_make_slivers_or_turn_faces_over() {
+    let model = sheet(4);
+    let (mesh, lengths) = (model.mesh(), vec![0.25; model.points.len()]);
+    let changing = Changing::new(&mesh, &model.points, lengths);
+    let vertex = 12;
+    let gone = &changing.around[vertex as usize];
+    let allows = |x: f64, y: f64, z: f64| {
+        let at = model.points[vertex as usize] + 0.25 * DVec3::new(x, y, z);
+        let proposals = gone.iter().map(|&old| {
+            let face = changing.faces[old as usize];
+            let points = [0, 1, 2]
+                .map(|k| if face[k] == vertex { at } else { model.points[face[k] as usize] });
+            Proposal { face, points, old }
+        });
+        changing.allows(gone, &proposals.collect::<Vec<_>>())
+    };
+    assert!(allows(0.0, 0.0, 0.0) && allows(0.3, 0.2, 0.1) && allows(-0.5, -0.5, 0.0));
+    // Flat and narrow; beyond a neighbour; far above.
+    assert!(!allows(0.97, 0.0, 0.0) && !allows(1.3, 0.0, 0.0) && !allows(0.0, 0.0, 1.5));
+}
+
+#[test]
 fn sheets_that_pass_close_by_stay_apart() {
     // Two bowls, one in the other, so close that coarse faces of one would cut the other.
     let inner = sphere(24).moved(|p| 0.985 * p);
@@ -219,8 +278,11 @@ fn what_cannot_be_remeshed_is_refused_or_stays() {
     options.most_faces = 500;
     assert!((490..=500).contains(&remeshed(&sphere(3), &options).faces.len()));
     remeshed(&sphere(3), &RemeshOptions::uniform(f64::MAX));
-    // One face, and a face alone with its boundary.
-    for model in [sheet(1), Model { faces: vec![[0, 1, 2]], ..sheet(1) }] {
+    // Two faces; one alone with its boundary; one whose boundary is straight at a corner.
+    let one = Model { faces: vec![[0, 1, 2]], ..sheet(1) };
+    let mut flat = one.clone();
+    flat.points[1] = DVec3::new(0.5, 0.501, 0.0);
+    for model in [sheet(1), one, flat] {
         let coarse = remeshed(&model, &RemeshOptions::uniform(10.0));
         assert_eq!(coarse.faces.len(), model.faces.len());
     }
