@@ -354,7 +354,7 @@ fn welded(model: Model) -> Model {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn topology_is_kept_and_nothing_crosses_that_did_not(
