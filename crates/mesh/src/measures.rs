@@ -44,9 +44,10 @@ pub fn signed_volume<T: Scalar>(positions: &Tensor<T>, mesh: &Mesh) -> Result<f6
 /// Pairs of faces that cross, the lower index first, in increasing order.
 ///
 /// Two faces without a common vertex cross where an edge of one passes through the inside of the other. Of faces with one
-/// common vertex, only the edges that face it count. Faces that share an edge never cross. What touches, to within the
-/// rounding of `f64`, does not cross, and neither do faces in one plane. The rule knows no distance: it is the same at
-/// any scale.
+/// common vertex, only the edges that face it count. Faces that share an edge never cross. Each pair crosses for
+/// certain, at these positions and without rounding. What touches does not cross: an edge that ends on a face, faces in
+/// one plane, and an edge that passes through another face's edge, where rounding could decide. The rule knows
+/// no distance, so it is the same at any scale.
 ///
 /// # Errors
 /// As [`surface_area`].

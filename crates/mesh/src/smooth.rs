@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn noise_goes_and_taubin_keeps_the_volume() {
         let (plain, noisy) = (sphere(12), sphere(12).shaken(0.02, 7));
-        let volume = |positions| signed_volume(positions, &plain.mesh()).unwrap();
+        let volume = |positions: &Tensor<f64>| signed_volume(positions, &plain.mesh()).unwrap();
         let roughness = |positions: &Tensor<f64>| {
             let rows = positions.data().as_chunks::<3>().0;
             let radii: Vec<_> = rows.iter().map(|row| DVec3::from_array(*row).length()).collect();

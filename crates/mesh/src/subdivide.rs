@@ -55,7 +55,7 @@ pub enum Subdivision {
 /// assert_eq!(positions.value(), fine.positions);
 /// // Each corner has a weight of 1 at itself, and of 1/2 at two middles.
 /// let gradients = positions.sum().backward()?;
-/// assert_eq!(gradients.wrt(x), Tensor::full([3, 3], 2.0));
+/// assert_eq!(gradients.get_or_zeros(x), Tensor::full([3, 3], 2.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///

@@ -17,6 +17,9 @@ const PASSES: usize = 8;
 /// The least cosine between the edges of a boundary at a vertex that may vanish: 30 degrees.
 const STRAIGHT: f64 = 0.866;
 
+/// The vertex that vanishes, the one that is kept, and where that goes.
+type Way = (u32, u32, (Site, DVec3));
+
 impl Changing<'_> {
     /// Collapses edges that are shorter than 4/5 of what is asked for, shortest first.
     pub(super) fn collapse_short_edges(&mut self) {
@@ -48,7 +51,7 @@ impl Changing<'_> {
 
     fn try_collapse(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
-        if self.is_seam(a, b) || !self.keeps_topology(edge) {
+        if !self.keeps_topology(edge) {
             return false;
         }
         let at = |vertex: u32| (self.sites[vertex as usize], self.points[vertex as usize]);
@@ -57,7 +60,7 @@ impl Changing<'_> {
             Kind::Rim => edge.is_boundary() && self.is_straight(edge, vertex, other),
             Kind::Fixed => false,
         };
-        let mut ways: SmallVec<[(u32, u32, (Site, DVec3)); 3]> = SmallVec::new();
+        let mut ways: SmallVec<[Way; 3]> = SmallVec::new();
         if self.kinds[a as usize] == Kind::Free && self.kinds[b as usize] == Kind::Free {
             ways.push((b, a, self.middle(a, b)));
         }
