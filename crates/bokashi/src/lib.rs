@@ -74,10 +74,13 @@
 //! caller's line ([`core`] has the rule).
 //!
 //! The engine's crates have names of their own, for those who need one of them alone: [`core`], the
-//! tape and what it records; [`render_ops`], the rendering operations; [`fit`], the loop around them.
+//! tape and what it records; [`render_ops`], the rendering operations; [`fit`], the loop around them. With the
+//! feature `mesh` there is `mesh`, too: remeshing, subdivision, distances between surfaces, surfaces of fields.
 
 pub use bokashi_core as core;
 pub use bokashi_fit as fit;
+#[cfg(feature = "mesh")]
+pub use bokashi_mesh as mesh;
 pub use bokashi_render_ops as render_ops;
 /// The matrices and quaternions that cameras and poses are made of.
 pub use glam;

@@ -54,9 +54,15 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     let photographs = photographs.transpose().map_err(failed)?;
     copies.check()?;
     check_schema(folder)?;
-    let template = Template { start: start.as_ref(), photographs: photographs.as_ref() };
+    let (start, photographs) = (start.as_ref(), photographs.as_ref());
+    let mut template = Template { start, photographs, no_hull: None };
     let mut made = Made::new(folder);
-    match make(&mut made, &copies, &template, &file) {
+    let mut result = make(&mut made, &copies, &template, &file);
+    if let (Err(failure), true) = (&result, template.starts_from_hull()) {
+        template.no_hull = Some(failure.to_string());
+        result = make(&mut made, &copies, &template, &file);
+    }
+    match result {
         Ok(scene) => say(&last_words(&file, &copies, &template, &scene)),
         Err(failure) => {
             // So that the same command can be given again.
@@ -106,6 +112,8 @@ fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: 
             text += &format!(" and {} that it names", count(start.named, "file"));
         }
         text.push('\n');
+    } else if template.starts_from_hull() {
+        text += "  mesh     what the masks of all views allow\n";
     } else {
         text += "  mesh     a sphere to start from\n";
     }
@@ -116,7 +124,9 @@ fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: 
     // The scene may say again what was said of the files that were copied.
     let of_images = template.photographs.into_iter().flat_map(|p| &p.notes);
     let of_images = of_images.filter(|note| !scene.notes.contains(note));
-    for note in scene.notes.iter().chain(of_images) {
+    let no_hull = template.no_hull.as_ref();
+    let no_hull = no_hull.map(|reason| format!("the fit starts from a sphere: {reason}"));
+    for note in scene.notes.iter().chain(of_images).chain(&no_hull) {
         text += &format!("note: {note}\n");
     }
     let path = shell_word(file);

@@ -29,10 +29,12 @@ const SHORTEST: f64 = 0.012;
 const COARSE: usize = 16;
 
 /// What is there to begin with.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Template<'a> {
     pub(super) start: Option<&'a Start>,
     pub(super) photographs: Option<&'a Photographs>,
+    /// Why masks make no hull, once that is known.
+    pub(super) no_hull: Option<String>,
 }
 
 impl Template<'_> {
@@ -84,8 +86,12 @@ impl Template<'_> {
     }
 
     /// Whether the fit starts from what the masks allow.
-    fn starts_from_hull(&self) -> bool {
-        self.start.is_none() && self.compares_masks() && !self.needs_cameras()
+    pub(super) fn starts_from_hull(&self) -> bool {
+        let meets = |photographs: &Photographs| gaze(&photographs.cameras).is_some();
+        self.no_hull.is_none()
+            && self.start.is_none()
+            && self.compares_masks()
+            && self.photographs.is_some_and(meets)
     }
 
     fn learns_shape(&self) -> bool {

@@ -60,6 +60,9 @@ pub(super) fn fall(losses: &[f64]) -> Option<f64> {
     Some(1.0 - last / before).filter(|&share| is_sure && share > LEAST_FALL)
 }
 
+/// Below this share of both, silhouettes and their masks are not of one shape.
+const FAR_OFF: f64 = 0.8;
+
 /// The parameters of a fit by name.
 pub(super) fn values(fit: &SceneFit) -> Vec<(String, Tensor<f32>)> {
     let all = fit.parameters().iter();
@@ -110,6 +113,24 @@ impl Outcome {
         (all.len() > WORST).then(|| format!("Worst views: {named}."))
     }
 
+    /// How much silhouettes overlap with masks, in words, and what to do where it is little: of the views that are
+    /// held out, or of all where none is.
+    fn overlap_in_words(&self, fit: &SceneFit) -> Option<String> {
+        let is_held_out = |score: &&ViewScore| fit.scene().views[score.view].held_out;
+        let shares = |scores: &[&ViewScore]| {
+            let shares: Vec<_> = scores.iter().filter_map(|score| score.silhouette_iou).collect();
+            (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
+        };
+        let held_out: Vec<_> = self.scores.iter().filter(is_held_out).collect();
+        let share =
+            shares(&held_out).or_else(|| shares(&self.scores.iter().collect::<Vec<_>>()))?;
+        let far_off = match share < FAR_OFF {
+            true => ": the start is too far off, or masks or cameras are wrong",
+            false => "",
+        };
+        Some(format!("Silhouettes overlap with their masks by {:.1} %{far_off}.", 100.0 * share))
+    }
+
     /// What a score of a view that is held out means where cameras are learnt.
     fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
         let scene = fit.scene();
@@ -121,7 +142,8 @@ impl Outcome {
     pub(super) fn remarks(&self, fit: &SceneFit) -> impl Iterator<Item = String> {
         let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
         let held_out = self.held_out_in_words(fit).map(str::to_owned);
-        let all = [ended, self.fell_in_words(), self.worst_in_words(fit), held_out];
+        let overlap = self.overlap_in_words(fit);
+        let all = [ended, self.fell_in_words(), overlap, self.worst_in_words(fit), held_out];
         all.into_iter().flatten()
     }
 

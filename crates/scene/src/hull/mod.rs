@@ -40,6 +40,8 @@ const FARTHER: f64 = 1.5;
 const CELLS: [usize; 3] = [40, 64, 128];
 /// How much more has to overlap where another view is left out: places of the grid tell no less apart.
 const WORTH: f64 = 0.02;
+/// Cells of the finest grid, of which there are some thrice as many at the surface along a side as edges of faces.
+const CELLS_PER_FACE: f64 = 9.0;
 /// Where views barely agree, a hull has sheets and gaps thinner than a cell, which would be a net of handles.
 const SMOOTHINGS: usize = 2;
 /// How far from the hull a point may be, in cells, whose neighbour may be inside: distances of images change faster
@@ -84,7 +86,7 @@ pub(crate) fn hull_of_views(
     // A tenth of 20 views are two of them, whatever rounding says.
     let most = ((1.0 - agreement) * silhouettes.len() as f64 + 1e-9) as usize;
     let hull = Hull { silhouettes, middle, radius };
-    let Some((positions, mesh)) = hull.surface(most)? else {
+    let Some((positions, mesh)) = hull.surface(most, faces)? else {
         let rule = "a hull needs a place that is inside the masks";
         return Ok(Err(format!("{rule} of {agreement} of all views, and there is none")));
     };
@@ -164,13 +166,15 @@ type Extent = [DVec3; 2];
 
 impl Hull {
     /// Its surface: vertices `[V, 3]` around its middle, and faces. `None` where no place is inside. Up to `most` views
-    /// are left out at each place.
+    /// are left out at each place. It is to have about so many `faces`.
     ///
     /// # Errors
     /// None: those of a grid that numbers of `f32` do not tell apart.
-    fn surface(&self, most: usize) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
+    fn surface(&self, most: usize, faces: usize) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
         let Some(extent) = self.extent(most)? else { return Ok(None) };
-        let [.., rough, fine] = CELLS;
+        let [.., rough, finest] = CELLS;
+        // A face of the hull is some cells wide.
+        let fine = ((CELLS_PER_FACE * faces as f64).sqrt().ceil() as usize).clamp(rough, finest);
         // 0, 1, 2, 4, 8 ..: a hull grows with the number.
         let doubled = std::iter::successors(Some(1), |count| Some(2 * count));
         let mut best = (0, f64::NEG_INFINITY);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_of_a_sphere() {
+fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     photographs(folder, 9, 4);
@@ -11,14 +11,14 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_of_a_sphere() {
     assert!(said.contains("cameras of transforms.json"), "{said}");
     assert!(said.ends_with("  bokashi fit ball/scene.toml\n"), "{said}");
     let fit = step(folder, "ball/scene.toml");
-    assert_eq!(names(&fit), ["vertices/object", "texture/object"]);
+    assert_eq!(names(&fit), ["vertices/object", "colors/object"]);
     let scene = fit.scene();
-    assert!(scene.objects[0].mesh.faces().len().abs_diff(5000) < 500);
+    assert!(scene.description.stages.iter().any(|stage| stage.remesh.is_some()));
     assert_eq!(scene.description.loss.silhouette.unwrap().0, 1.0);
     assert_eq!(scene.views.iter().filter(|view| view.held_out).count(), 2);
-    // Where the cameras look, and seen whole.
+    // Where the object is, and seen whole.
     let (center, _) = scene.ball();
-    assert!(center.distance(DVec3::new(2.0, 1.0, 0.0)) < 1e-3, "{center}");
+    assert!(center.distance(DVec3::new(2.0, 1.0, 0.0)) < 0.2, "{center}");
     let [told, _] = ended(folder, &["inspect", "ball/scene.toml"], 0);
     assert!(told.contains("at least      100 % of an object's vertices"), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
@@ -32,9 +32,8 @@ fn the_recipe_for_a_pose_that_is_far_off_can_be_taken_as_it_stands() {
     let folder = place.path();
     photographs(folder, 9, 4);
     textured(folder);
-    said(folder, &["new", "ball", "--images", "photos"]);
     said(folder, &["new", "quad", "--from", "model/quad.obj", "--images", "photos"]);
-    for name in ["ball", "quad"] {
+    for name in ["quad"] {
         let file = folder.join(name).join("scene.toml");
         let text = fs::read_to_string(&file).unwrap();
         let keys = [
