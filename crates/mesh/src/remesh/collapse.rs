@@ -4,7 +4,7 @@ use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
 
 use super::changing::{Changing, Edge, Kind};
-use super::guard::{Proposal, Proposals};
+use super::guard::{MOST_FACES, Proposal, Proposals};
 use super::split::LONGEST;
 use super::surface::Site;
 
@@ -51,7 +51,8 @@ impl Changing<'_> {
 
     fn try_collapse(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
-        if !self.keeps_topology(edge) {
+        let faces = [a, b].map(|end| self.around[end as usize].len()).iter().sum::<usize>();
+        if faces > 2 * MOST_FACES || !self.keeps_topology(edge) {
             return false;
         }
         let at = |vertex: u32| (self.sites[vertex as usize], self.points[vertex as usize]);

@@ -14,6 +14,9 @@ const LEAST_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// The least quality of a new face, where the old ones were better.
 const LEAST_QUALITY: f64 = 0.2;
 
+/// A vertex of more faces waits until flips have left it fewer: all pairs of its faces are looked at when it moves.
+pub(super) const MOST_FACES: usize = 64;
+
 /// A face of a lower quality has no normal to speak of.
 const NEEDLE: f64 = 1e-6;
 

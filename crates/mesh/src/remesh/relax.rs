@@ -7,7 +7,7 @@
 use bokashi_render_ops::glam::DVec3;
 
 use super::changing::{Changing, Kind};
-use super::guard::{Proposal, Proposals};
+use super::guard::{MOST_FACES, Proposal, Proposals};
 use crate::triangle::area_vector;
 
 /// Shares of the way that are tried.
@@ -20,7 +20,8 @@ impl Changing<'_> {
     /// Moves the free vertices, one after another in their order.
     pub(super) fn relax(&mut self) {
         for vertex in 0..self.points.len() as u32 {
-            if self.kinds[vertex as usize] == Kind::Free && !self.around[vertex as usize].is_empty()
+            if self.kinds[vertex as usize] == Kind::Free
+                && (1..=MOST_FACES).contains(&self.around[vertex as usize].len())
             {
                 self.relax_vertex(vertex);
             }

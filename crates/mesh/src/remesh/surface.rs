@@ -74,7 +74,8 @@ impl<'a> Surface<'a> {
             let ends = self.weights(from).into_iter().filter(|(_, weight)| *weight > 0.0);
             let ends: SmallVec<[u32; 3]> = ends.map(|(vertex, _)| vertex).collect();
             if ends.len() < 3 {
-                for &face in &self.around[ends[0] as usize] {
+                let lists = ends.iter().map(|end| &self.around[*end as usize]);
+                for &face in lists.min_by_key(|list| list.len()).into_iter().flatten() {
                     let has_all = ends.iter().all(|end| self.faces[face as usize].contains(end));
                     if has_all && face != from.face {
                         let found = self.nearest_on(face, p);
