@@ -1,6 +1,6 @@
 //! What is saved with a fit of a scene beside its numbers: how far it is, and what it was given.
 
-use bokashi_fit::{Difference, FitError, Given, described, differences};
+use bokashi_fit::{Difference, FitError, Given, described, differences, saved};
 use serde::{Deserialize, Serialize};
 
 use crate::stopping::Seen;
@@ -146,11 +146,24 @@ impl Origin {
     }
 }
 
+/// What [`Progress::write`] wrote, in the file of a fit; without one, of a fit that begins.
+///
+/// # Errors
+/// [`FitError::Saved`] for anything else.
+pub(crate) fn read_file(
+    bytes: Option<&[u8]>,
+) -> Result<(Progress, Vec<Surface>, Option<Origin>), FitError> {
+    let Some(bytes) = bytes else { return Ok((Progress::default(), Vec::new(), None)) };
+    let (_, state) = saved::precision_and_state(bytes)?;
+    let (progress, surfaces, origin) = read(state.unwrap_or_default())?;
+    Ok((progress, surfaces, Some(origin)))
+}
+
 /// What [`Progress::write`] wrote.
 ///
 /// # Errors
 /// [`FitError::Saved`] for anything else.
-pub(crate) fn read(state: &[u8]) -> Result<(Progress, Vec<Surface>, Origin), FitError> {
+fn read(state: &[u8]) -> Result<(Progress, Vec<Surface>, Origin), FitError> {
     let rule = || "a fit of a scene, as this version saves it".to_owned();
     let mut parts = state.splitn(4, |&byte| byte == b'\n');
     if parts.next() != Some(format!("scene {VERSION}").as_bytes()) {

@@ -9,9 +9,9 @@ use bokashi_fit::{
     check_alike, check_same, saved,
 };
 
-use super::remeshing::{Carried, check_remeshing};
+use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{StagePipeline, check_stages, set_rates, settings, views_of, views_per_step};
-use crate::description::{Count, Description, Stage};
+use crate::description::{Count, Description, Remesh, Stage};
 use crate::error::{Location, SceneError};
 use crate::given::starts;
 use crate::learnables::{Frame, Values};
@@ -35,10 +35,10 @@ pub struct SceneFit {
     pub(super) targets: Arc<Targets>,
     /// The views that are learnt from.
     learnt_from: Arc<[usize]>,
-    pub(super) stages: Vec<Stage>,
-    pub(super) stage: usize,
+    stages: Vec<Stage>,
+    stage: usize,
     pub(super) fit: Fit<f32>,
-    pub(super) pipeline: StagePipeline,
+    pipeline: StagePipeline,
     pub(super) rates: Vec<LearntRate>,
     pub(super) ranks: Ranks<f32>,
     /// The scene as it was loaded, and where its parameters start, until the fit begins.
@@ -135,14 +135,7 @@ impl SceneFit {
         let description = &scene.description;
         let stages = stages(description);
         check_remeshing(&scene, &stages)?;
-        let (progress, surfaces, from) = match saved_fit {
-            Some(bytes) => {
-                let (_, state) = saved::precision_and_state(bytes)?;
-                let (progress, surfaces, from) = saved_fit::read(state.unwrap_or_default())?;
-                (progress, surfaces, Some(from))
-            }
-            None => (Progress::default(), Vec::new(), None),
-        };
+        let (progress, surfaces, from) = saved_fit::read_file(saved_fit)?;
         let (rules, seed) = (StopRules::new(&description.stop, progress.seen), description.seed);
         let stage = progress.stage;
         let Some(first) = stages.get(stage).cloned() else {
@@ -150,18 +143,9 @@ impl SceneFit {
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
         };
         let scene = Arc::new(scene);
-        let mut learnt = Learnt::from_scene(&scene)?;
+        let learnt = Learnt::from_scene(&scene)?;
         let given = Some((Arc::clone(&scene), starts(&learnt.parameters)));
-        let renderer = match surfaces.as_slice() {
-            [] => Renderer::new(scene)?,
-            _ => {
-                let (frame, mut scene) = (Frame::new(&scene), Scene::clone(&scene));
-                surfaces.iter().try_for_each(|surface| surface.put(&mut scene))?;
-                learnt = Learnt::from_scene(&scene)?;
-                Renderer::with_frame(Arc::new(scene), frame)?
-            }
-        };
-        let renderer = Arc::new(renderer);
+        let (renderer, learnt) = with_surfaces(scene, learnt, &surfaces)?;
         let Learnt { parameters, rates, regularizers, preconditioners } = learnt;
         check_stages(renderer.scene(), &rates)?;
         let ssim = renderer.scene().description.loss.ssim;
@@ -334,11 +318,32 @@ impl SceneFit {
         Ok(())
     }
 
+    /// Gives meshes other vertices, where it is their turn before the next step.
+    ///
+    /// # Errors
+    /// As [`remeshed`]. The fit is then as it was.
+    fn remesh_if_due(&mut self) -> Result<(), SceneError> {
+        let Some(to) = self.remesh_due() else { return Ok(()) };
+        let parameters = self.fit.parameters();
+        let (scene, carried) = remeshed(self.scene(), &to, |name| parameters.value(name).ok())?;
+        self.put_scene(scene, &carried)
+    }
+
+    /// How meshes are remeshed before the next step, if they are.
+    fn remesh_due(&self) -> Option<Remesh> {
+        let (to, done) = (self.stages[self.stage].remesh.as_ref()?, self.fit.steps_done());
+        let is_turn = match to.every {
+            None => done == 0,
+            Some(every) => done.is_multiple_of(every.0 as u64),
+        };
+        (is_turn && self.pipeline.remeshed != Some(self.steps_done())).then(|| to.clone())
+    }
+
     /// Goes on with a scene whose meshes have other vertices; `carried` has what was learnt over to them.
     ///
     /// # Errors
     /// What the new meshes are refused for. The fit is then as it was.
-    pub(super) fn put_scene(&mut self, scene: Scene, carried: &Carried) -> Result<(), SceneError> {
+    fn put_scene(&mut self, scene: Scene, carried: &Carried) -> Result<(), SceneError> {
         let learnt = Learnt::from_scene(&scene)?;
         let surfaces = surfaces_to_bytes(&Surface::all(&scene)?);
         let frame = self.renderer.frame().clone();
@@ -422,6 +427,21 @@ fn stages(description: &Description) -> Vec<Stage> {
         }],
         stages => stages.to_vec(),
     }
+}
+
+/// What draws a scene, and what is learnt of it, after its meshes got other vertices.
+fn with_surfaces(
+    scene: Arc<Scene>,
+    learnt: Learnt,
+    surfaces: &[Surface],
+) -> Result<(Arc<Renderer>, Learnt), SceneError> {
+    if surfaces.is_empty() {
+        return Ok((Arc::new(Renderer::new(scene)?), learnt));
+    }
+    let (frame, mut scene) = (Frame::new(&scene), Scene::clone(&scene));
+    surfaces.iter().try_for_each(|surface| surface.put(&mut scene))?;
+    let learnt = Learnt::from_scene(&scene)?;
+    Ok((Arc::new(Renderer::with_frame(Arc::new(scene), frame)?), learnt))
 }
 
 /// The fit in a file, which learns what a fit of the scene learns that starts now.

@@ -10,7 +10,6 @@ use bokashi_fit::FitError;
 use bokashi_mesh::{DerivedMesh, RemeshOptions, remesh, surface_area};
 use bokashi_render_ops::Mesh;
 
-use super::fit::SceneFit;
 use crate::description::{Remesh, Stage};
 use crate::error::{Location, SceneError};
 use crate::learnables::{COLORS, Learnable, VERTICES};
@@ -129,28 +128,5 @@ impl Surface {
         let colors = (!colors.is_empty()).then(|| tensor(colors));
         object.set_surface(Mesh::new(faces.clone(), count)?, tensor(positions), colors);
         Ok(())
-    }
-}
-
-impl SceneFit {
-    /// Gives meshes other vertices, where it is their turn before the next step.
-    ///
-    /// # Errors
-    /// As [`remeshed`]. The fit is then as it was.
-    pub(super) fn remesh_if_due(&mut self) -> Result<(), SceneError> {
-        let Some(to) = self.remesh_due() else { return Ok(()) };
-        let parameters = self.fit.parameters();
-        let (scene, carried) = remeshed(self.scene(), &to, |name| parameters.value(name).ok())?;
-        self.put_scene(scene, &carried)
-    }
-
-    /// How meshes are remeshed before the next step, if they are.
-    fn remesh_due(&self) -> Option<Remesh> {
-        let (to, done) = (self.stages[self.stage].remesh.as_ref()?, self.fit.steps_done());
-        let is_turn = match to.every {
-            None => done == 0,
-            Some(every) => done.is_multiple_of(every.0 as u64),
-        };
-        (is_turn && self.pipeline.remeshed != Some(self.steps_done())).then(|| to.clone())
     }
 }
