@@ -279,7 +279,7 @@ impl Template<'_> {
     }
 
     fn loss(&self) -> String {
-        let mut toml = match self.starts_from_hull() {
+        let mut toml = match self.photographs.is_some() {
             true => {
                 "[loss]\n# A view that does not fit, by its light or its mask, counts less than with \"squared\".\n\
                  kind = \"huber\"\n"

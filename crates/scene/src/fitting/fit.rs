@@ -18,7 +18,7 @@ use crate::learnables::{Frame, Values};
 use crate::learning::{Learnt, LearntRate};
 use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
-use crate::saved_fit::{self, Origin, Progress, Surface, surfaces_to_bytes};
+use crate::saved_fit::{self, Origin, Surface, surfaces_to_bytes};
 use crate::scene::{Scene, check_views};
 use crate::stopping::StopRules;
 use crate::targets::Targets;
