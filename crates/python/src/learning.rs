@@ -8,7 +8,7 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Pipeline, Rules, Schedule, Stepped,
     Stop, Variables, after_step,
 };
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -77,7 +77,7 @@ impl Function<'_> {
         let parameters = PyDict::new(self.py);
         for name in &self.names {
             let value = variables.get(name).map_err(Refusal::from)?.value();
-            parameters.set_item(name, to_array(self.py, value)?)?;
+            parameters.set_item(name, T::to_array(self.py, value)?)?;
         }
         let (loss, told): (f64, Bound<'_, PyDict>) =
             self.function.call1((parameters,))?.extract()?;
@@ -229,6 +229,9 @@ impl Learning {
             Array::Double(_) => Kind::Double(Box::new(
                 Fit::new(self::parameters(&parameters)?, settings).map_err(Refusal::from)?,
             )),
+            Array::Dual(_) => {
+                return Err(PyTypeError::new_err("a fit learns plain numbers, got tangents"));
+            }
         };
         Ok(Self(Mutex::new(kind)))
     }

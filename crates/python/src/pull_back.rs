@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Kind, Number, to_array};
+use crate::array::{Array, Kind, Number};
 use crate::error::Refusal;
 use crate::threads::released;
 
@@ -45,9 +45,10 @@ impl PullBack {
         let pulled = released(py, || {
             let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
             let tensors = views
-                .iter()
+                .into_iter()
                 .map(|view| {
-                    view.map(|(shape, entries)| Tensor::new(shape, entries.to_vec())).transpose()
+                    view.map(|(shape, entries)| Tensor::new(shape, entries.into_owned()))
+                        .transpose()
                 })
                 .collect::<Result<SmallVec<[_; 4]>, _>>()?;
             let upstream: SmallVec<[_; 4]> = tensors.iter().map(Option::as_ref).collect();
@@ -56,7 +57,7 @@ impl PullBack {
         let mut gradients = pulled?.into_iter();
         let all = self.is_given.iter().map(|&is_given| {
             let gradient = if is_given { gradients.next().flatten() } else { None };
-            gradient.map(|gradient| to_array(py, gradient)).transpose()
+            gradient.map(|gradient| T::to_array(py, gradient)).transpose()
         });
         PyTuple::new(py, all.collect::<PyResult<Vec<_>>>()?)
     }
@@ -83,6 +84,7 @@ impl PullBack {
         match self.kind.as_ref().expect("it is there until it is dropped") {
             Kind::Single(recording) => self.pull(py, recording, &upstream, wanted),
             Kind::Double(recording) => self.pull(py, recording, &upstream, wanted),
+            Kind::Dual(recording) => self.pull(py, recording, &upstream, wanted),
         }
     }
 }
@@ -104,6 +106,7 @@ impl Drop for PullBack {
         match self.kind.take() {
             Some(Kind::Single(recording)) => give_back(recording),
             Some(Kind::Double(recording)) => give_back(recording),
+            Some(Kind::Dual(recording)) => give_back(recording),
             None => {}
         }
     }

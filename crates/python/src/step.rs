@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Number, View, to_array};
+use crate::array::{Array, Number, View};
 use crate::error::Refusal;
 use crate::pull_back::PullBack;
 use crate::threads::released;
@@ -27,15 +27,19 @@ pub fn record<'py, T: Number>(
     inputs: &[Option<&Array<'py>>],
     record: impl for<'t> FnOnce(&'t Tape<T>, &Given<'t, T>) -> Result<OutputVars<'t, T>, Refusal> + Send,
 ) -> PyResult<(Bound<'py, PyTuple>, PullBack)> {
-    let views: SmallVec<[Option<View<'_, T>>; 8]> =
-        inputs.iter().map(|array| array.map(Array::view).transpose()).collect::<PyResult<_>>()?;
+    let views: SmallVec<[Option<View<'_, T>>; 8]> = inputs
+        .iter()
+        .map(|array| array.map(Array::view::<T>).transpose())
+        .collect::<PyResult<_>>()?;
     let recorded = released(py, || {
         let tape =
             T::tapes().lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         let recording = Recording::new(tape, |tape| {
             let given: Given<'_, T> = views
                 .iter()
-                .map(|view| view.map(|(shape, entries)| tape.leaf_of(shape, entries)).transpose())
+                .map(|view| {
+                    view.as_ref().map(|(shape, entries)| tape.leaf_of(*shape, entries)).transpose()
+                })
                 .collect::<Result<_, _>>()?;
             let outputs = record(tape, &given)?;
             Ok::<_, Refusal>([given.into_iter().flatten().collect(), outputs])
@@ -46,7 +50,7 @@ pub fn record<'py, T: Number>(
     });
     let (recording, values) = recorded?;
     let arrays =
-        values.into_iter().map(|value| to_array(py, value)).collect::<PyResult<Vec<_>>>()?;
+        values.into_iter().map(|value| T::to_array(py, value)).collect::<PyResult<Vec<_>>>()?;
     let is_given = inputs.iter().map(Option::is_some).collect();
     Ok((PyTuple::new(py, arrays)?, PullBack::new(T::pull_back(recording), is_given)))
 }

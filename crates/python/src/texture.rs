@@ -83,7 +83,7 @@ macro_rules! sample {
             let sampler = Sampler { filter, borders, coarsest };
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
-            by_type!(coordinates, T => record::<T>(py, &inputs, |_, x| {
+            by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
                 let inputs_of = SampleInputs::new(x);
                 let texture = match inputs_of.levels[..] {
                     [texels] if mipmaps => $texture::with_mipmaps(texels)?,
@@ -103,7 +103,8 @@ sample!(sample_cube_map, CubeMap, sample_cube_map);
 #[pyfunction]
 #[pyo3(signature = (texels, coarsest=None))]
 pub fn mipmaps<'py>(py: Python<'py>, texels: Array<'py>, coarsest: Option<usize>) -> Recorded<'py> {
-    by_type!(texels, T => record::<T>(py, &[Some(&texels)], |_, x| {
+    let inputs = [Some(&texels)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let texels = x[0].expect("they are required");
         let levels: OutputVars<'_, T> = match texels.shape().rank() {
             4 => CubeMap::with_mipmaps(texels).map_err(Refusal::from)?.levels().iter().copied().collect(),

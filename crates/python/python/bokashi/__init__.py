@@ -10,7 +10,7 @@ Each operation returns its value and a function that pulls gradients back:
 >>> surface, of_surface = bokashi.interpolate(colors, fragments)
 >>> surface.shape
 (8, 3)
->>> colors_bar, barycentrics_bar, _, _ = of_surface(np.ones_like(surface))
+>>> colors_bar, barycentrics_bar, _, _ = ofsurface_of(np.ones_like(surface))
 >>> (clip_bar,) = of_clip(barycentrics_bar)
 >>> clip_bar.shape
 (3, 4)
@@ -26,27 +26,36 @@ vertices, F faces, N fragments (the covered samples of an image), K pieces of ex
 from __future__ import annotations
 
 import copyreg
-import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _native
+from . import _native, _operations
 from ._check import Slope, check
-from ._native import Coverage, Mesh, PullBack, RenderError, SceneError, num_threads, set_num_threads
+from ._dual import Dual, hvp, jvp
+from ._given import Fragments, size_of, surface_of
+from ._native import (
+    Coverage, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Topology, num_threads,
+    set_num_threads,
+)
+from ._operations import Environment, LensLayer, Single, Step, dressed
 from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
 
 __all__ = [
-    "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
-    "SceneError", "Slope", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
-    "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit", "gaussian_blur",
-    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
-    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid",
-    "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents",
-    "transform_normals", "transform_points", "vertex_normals",
+    "Coverage", "Dual", "Environment", "Fit", "Fragments", "Learning", "LensLayer", "Mesh", "Parameter", "Picture",
+    "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Topology",
+    "affine_inverse", "antialias_image", "check", "composite_layers", "cross", "depth", "depth_error", "depth_layers",
+    "depth_of_field", "differentials", "distort", "dot", "downsample", "edge_length_error", "exposure", "eye_depth",
+    "eye_depth_slope", "face_normals", "fisheye", "fit", "gather_rows", "gaussian_blur", "halved", "hvp",
+    "interpolate", "interpolate_differentials", "irradiance", "jvp", "laplacian_error", "lens_picture", "matmul",
+    "mean_error", "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize", "num_threads",
+    "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project", "project_instances",
+    "rasterize", "rasterize_behind", "reflect", "render", "rigid", "rigid_error", "sample_cube_map", "sample_texture",
+    "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment", "sigmoid", "silhouette_error",
+    "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode", "ssim_error", "tangents",
+    "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -55,50 +64,7 @@ copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
 
 # The arrays of a call are of one type.
 _T = TypeVar("_T", np.float32, np.float64)
-_Array = TypeVar("_Array")
-
-
-@dataclass(frozen=True)
-class Fragments(Generic[_Array]):
-    """The covered samples of an image.
-
-    `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face, `weight`
-    `[K]` is the share of its pixel that each piece of exact coverage has, `None` without, and `clip` `[V, 4]` are the
-    positions that were rasterized. Fragments at pixel centres come first, then pieces.
-    """
-
-    barycentrics: _Array
-    weight: _Array | None
-    clip: _Array
-    coverage: Coverage
-
-    def __len__(self) -> int:
-        return len(self.coverage)
-
-    @property
-    def faces(self) -> NDArray[np.uint32]:
-        """The face of each fragment, `[N]`."""
-        return self.coverage.faces
-
-    @property
-    def pixels(self) -> NDArray[np.uint32]:
-        """The pixel of each fragment, `[N]`: row times width plus column."""
-        return self.coverage.pixels
-
-    @property
-    def arrays(self) -> tuple[_Array, _Array, _Array | None]:
-        """Barycentrics, clip positions and weights: what operations on fragments have gradients for."""
-        return self.barycentrics, self.clip, self.weight
-
-    def replace(self, **fields: Any) -> Fragments[_Array]:
-        """The same fragments with other arrays of the same shapes."""
-        return replace(self, **fields)
-
-
-def _size(size: int | Sequence[int]) -> tuple[int, int]:
-    """Height and width of a size, or of a square."""
-    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
-    return operator.index(height), operator.index(width)
+_P = ParamSpec("_P")
 
 
 def _detail(level: Any, differentials: Any, bias: Any) -> bool:
@@ -112,21 +78,7 @@ def _detail(level: Any, differentials: Any, bias: Any) -> bool:
 
 def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
-    return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
-
-
-def _surface(
-    material: Sequence[Any], lights: Sequence[tuple[Any, ...]]
-) -> tuple[list[str], list[Any], list[Any]]:
-    """The kinds of lights, three arrays of a material, and two of each light: `None` for those not there."""
-    if hasattr(material, "shape") or len(material) > 3:
-        given = type(material).__name__ if hasattr(material, "shape") else f"{len(material)} arrays"
-        raise RenderError(f"a material needs to be a list of at most 3 arrays, got {given}")
-    for kind, *arrays in lights:
-        if not 1 <= len(arrays) <= 2:
-            raise RenderError(f"a light needs one or two arrays, got {len(arrays)} for {kind!r}")
-    of_lights = [values for _, *arrays in lights for values in (*arrays, None)[:2]]
-    return [kind for kind, *_ in lights], [*material, None, None, None][:3], of_lights
+    return value if isinstance(value, (np.ndarray, Dual)) else np.asarray(value, array.dtype)
 
 
 def _only(recorded: tuple[tuple[NDArray[_T]], PullBack]) -> tuple[NDArray[_T], PullBack]:
@@ -168,14 +120,14 @@ def pinhole(
     of the first pixel is (0, 0). `near` and `far` are distances along the view axis; `far` may be infinite. Gradients:
     of the intrinsics.
     """
-    return _only(_native.pinhole(intrinsics, *_size(size), near, far))
+    return _only(_native.pinhole(intrinsics, *size_of(size), near, far))
 
 
 def orthographic(
     intrinsics: NDArray[_T], size: int | Sequence[int], near: float, far: float
 ) -> tuple[NDArray[_T], PullBack]:
     """As `pinhole`, for parallel rays: `intrinsics` `[4]` are pixels per unit and the centre, (sx, sy, cx, cy)."""
-    return _only(_native.orthographic(intrinsics, *_size(size), near, far))
+    return _only(_native.orthographic(intrinsics, *size_of(size), near, far))
 
 
 def distort(points: NDArray[_T], coefficients: ArrayLike) -> tuple[NDArray[_T], PullBack]:
@@ -248,7 +200,7 @@ def rasterize(
     Returns `Fragments` and the pull-back of their barycentrics, and with `exact` of their weights, to `clip` (then to
     the creases' attributes, which get none).
     """
-    height, width = _size(size)
+    height, width = size_of(size)
     pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
     coverage, found, pull_back = _native.rasterize(
         clip, mesh, height, width, cull, exact, pairs, crease_tolerance=crease_tolerance
@@ -353,7 +305,7 @@ def render(
     >>> float(loss), float(abs(clip_bar).max())
     (0.0, 0.0)
     """
-    height, width = _size(size)
+    height, width = size_of(size)
     matrix, behind = [value if value is None else _like(value, positions) for value in (camera, background)]
     recorded = _native.render(
         positions, matrix, colors, behind, mesh, height, width, color_mesh, cull, silhouettes, reference,
@@ -473,7 +425,7 @@ def shade(
 
     Gradients: of normals, views, positions, three of the material, and two of each light; `None` for those not there.
     """
-    kinds, of_material, of_lights = _surface(material, lights)
+    kinds, of_material, of_lights = surface_of(material, lights)
     own = [_like(values, normals) for values in of_material if values is not None]
     more = [values if values is None else _like(values, normals) for values in of_lights]
     places = positions if positions is None else _like(positions, normals)
@@ -536,3 +488,67 @@ def srgb_encode(x: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
 def srgb_decode(y: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """Linear numbers of sRGB ones. Gradients: of the input."""
     return _only(_native.srgb_decode(y))
+
+
+@overload
+def _of_numpy(describe: Callable[_P, Single]) -> Callable[_P, tuple[NDArray[Any], PullBack]]: ...
+@overload
+def _of_numpy(describe: Callable[_P, Step]) -> Callable[_P, tuple[Any, PullBack]]: ...
+def _of_numpy(describe: Callable[..., Step]) -> Callable[..., tuple[Any, PullBack]]:
+    """The function of numpy arrays that a description tells."""
+
+    def function(*arguments: Any, **options: Any) -> tuple[Any, PullBack]:
+        step = describe(*arguments, **options)
+        first = next((x for x in step.arrays if isinstance(x, (np.ndarray, Dual))), None)
+        # Without an array nobody knows a type: the native module says so.
+        arrays = [x if x is None or first is None else _like(x, first) for x in step.arrays]
+        outputs, pull_back = step.run(*arrays)
+        return step.result(outputs), pull_back
+
+    return dressed(function, describe, "bokashi", "tuple[NDArray, PullBack]")
+
+
+# Vectors and rows.
+
+norm = _of_numpy(_operations.norm)
+normalize = _of_numpy(_operations.normalize)
+dot = _of_numpy(_operations.dot)
+cross = _of_numpy(_operations.cross)
+matmul = _of_numpy(_operations.matmul)
+gather_rows = _of_numpy(_operations.gather_rows)
+scatter_add_rows = _of_numpy(_operations.scatter_add_rows)
+sparse_product = _of_numpy(_operations.sparse_product)
+sigmoid = _of_numpy(_operations.sigmoid)
+softplus = _of_numpy(_operations.softplus)
+
+# Losses.
+
+squared_error = _of_numpy(_operations.squared_error)
+mean_error = _of_numpy(_operations.mean_error)
+ssim_error = _of_numpy(_operations.ssim_error)
+multiscale_ssim_error = _of_numpy(_operations.multiscale_ssim_error)
+silhouette_error = _of_numpy(_operations.silhouette_error)
+depth_error = _of_numpy(_operations.depth_error)
+halved = _of_numpy(_operations.halved)
+
+# Regularizers.
+
+total_variation = _of_numpy(_operations.total_variation)
+laplacian_error = _of_numpy(_operations.laplacian_error)
+edge_length_error = _of_numpy(_operations.edge_length_error)
+normal_error = _of_numpy(_operations.normal_error)
+rigid_error = _of_numpy(_operations.rigid_error)
+
+# Layers.
+
+eye_depth_slope = _of_numpy(_operations.eye_depth_slope)
+rasterize_behind = _of_numpy(_operations.rasterize_behind)
+depth_layers = _of_numpy(_operations.depth_layers)
+composite_layers = _of_numpy(_operations.composite_layers)
+lens_picture = _of_numpy(_operations.lens_picture)
+
+# Environments.
+
+prefiltered = _of_numpy(_operations.prefiltered)
+irradiance = _of_numpy(_operations.irradiance)
+shade_in_environment = _of_numpy(_operations.shade_in_environment)
