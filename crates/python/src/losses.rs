@@ -3,7 +3,7 @@
 use bokashi_core::Mask;
 use bokashi_fit::{self as fit, DepthAlignment, Penalty, RigidWeights};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use smallvec::smallvec;
 
@@ -36,9 +36,17 @@ fn penalty(word: &str, number: Option<f64>) -> PyResult<Penalty> {
     }
 }
 
-fn mask_of(mask: &PyReadonlyArrayDyn<'_, bool>) -> Result<Mask, Refusal> {
-    let truth: Vec<bool> = mask.as_array().iter().copied().collect();
-    Ok(Mask::new(mask.shape(), truth)?)
+/// # Errors
+/// `TypeError` for another array than one of bools.
+fn mask_of(mask: &Bound<'_, PyAny>) -> PyResult<Mask> {
+    let Ok(array) = mask.extract::<PyReadonlyArrayDyn<'_, bool>>() else {
+        let given = mask.getattr("dtype").unwrap_or(mask.get_type().into_any());
+        return Err(PyTypeError::new_err(format!(
+            "a mask needs to be a numpy array of bool, got {given}"
+        )));
+    };
+    let truth: Vec<bool> = array.as_array().iter().copied().collect();
+    Ok(Mask::new(array.shape(), truth).map_err(Refusal::from)?)
 }
 
 /// Inputs: image, reference, weights.
@@ -51,7 +59,7 @@ pub fn mean_error<'py>(
     weights: Option<Array<'py>>,
     penalty: &str,
     scale: Option<f64>,
-    mask: Option<PyReadonlyArrayDyn<'py, bool>>,
+    mask: Option<Bound<'py, PyAny>>,
 ) -> Recorded<'py> {
     let penalty = self::penalty(penalty, scale)?;
     let mask = mask.as_ref().map(mask_of).transpose()?;
@@ -119,7 +127,7 @@ pub fn depth_error<'py>(
     py: Python<'py>,
     depths: Array<'py>,
     reference: Array<'py>,
-    mask: Option<PyReadonlyArrayDyn<'py, bool>>,
+    mask: Option<Bound<'py, PyAny>>,
     alignment: &str,
 ) -> Recorded<'py> {
     let alignment = match alignment {

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 import bokashi
-from conftest import scene
-
-
-def check_gradients(function, arrays, generator):
-    bokashi.check(function, *arrays, seed=int(generator.integers(1 << 30)))
+from conftest import check_gradients, scene
 
 
 def test_a_whole_step_has_true_gradients(generator):

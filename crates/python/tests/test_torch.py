@@ -7,6 +7,7 @@ torch = pytest.importorskip("torch")
 
 import bokashi
 import bokashi.torch as bt
+from cases import cases, layered
 from conftest import scene
 
 
@@ -15,7 +16,9 @@ def tensor(array):
 
 
 def check(function, *tensors):
-    assert torch.autograd.gradcheck(function, tensors, eps=1e-6, atol=1e-5, rtol=1e-4, nondet_tol=0.0)
+    assert torch.autograd.gradcheck(
+        function, tensors, eps=1e-6, atol=1e-5, rtol=1e-4, nondet_tol=0.0, check_forward_ad=True
+    )
 
 
 def test_every_function_passes_gradcheck(generator):
@@ -79,6 +82,53 @@ def test_every_function_passes_gradcheck(generator):
         lambda n, c, s, e, d, i, r: bt.shade(n, [0.1, 0.2, 3.0], [c, s, e], [("directional", d, i), ("ambient", r)], model="phong"),
         normals, color, uniform(0.1, 0.4, 3), tensor(7.0), uniform(0.5, 1, 3), uniform(0.5, 1, 3), uniform(0.1, 0.3, 3),
     )
+
+
+@pytest.mark.parametrize("name", list(cases(np.random.default_rng(0))))
+def test_operations_that_are_described_once_pass_gradcheck(name, generator):
+    function, arrays, *_ = cases(generator)[name]
+
+    def flat(*tensors):
+        value = function(bt, *tensors)
+        return (value.harmonics, *value.levels[1:]) if name == "prefiltered" else value
+
+    check(flat, *map(tensor, arrays))
+
+
+def test_surfaces_behind_a_surface_pass_gradcheck(generator):
+    mesh, clip = layered(generator)
+    clip = tensor(clip)
+    check(lambda clip: [layer.barycentrics for layer in bt.depth_layers(clip, mesh, (7, 6))], clip)
+    check(lambda clip: bt.rasterize_behind(bt.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
+    assert bt.depth_layers(clip * torch.tensor([1, 1, 1, -1]), mesh, 8) == []
+
+
+def test_tangents_of_gradients_are_refused_and_not_lost(generator):
+    from torch.autograd import forward_ad
+
+    mesh, clip = scene(generator)
+    clip, colors = tensor(clip), tensor(generator.uniform(size=(7, 3)))
+    with forward_ad.dual_level():
+        moving = forward_ad.make_dual(clip, torch.ones_like(clip))
+        image = bt.render(moving, mesh, colors, 8)
+        assert forward_ad.unpack_dual(image).tangent.shape == (8, 8, 3)
+        with pytest.raises(bokashi.RenderError, match="gradients have no tangents in torch"):
+            torch.autograd.grad(image.sum(), colors)
+        still = bt.render(clip, mesh, colors, 8)
+        factor = forward_ad.make_dual(torch.ones_like(still), torch.ones_like(still))
+        with pytest.raises(bokashi.RenderError, match="gradients have no tangents in torch"):
+            torch.autograd.grad((still * factor).sum(), colors)
+
+
+def test_tangents_of_single_precision_are_single(generator):
+    from torch.autograd import forward_ad
+
+    mesh, clip = scene(generator, np.float32)
+    with forward_ad.dual_level():
+        moving = forward_ad.make_dual(torch.from_numpy(clip), torch.ones(7, 4))
+        fragments = bt.rasterize(moving, mesh, 16, exact=True)
+        tangent = forward_ad.unpack_dual(fragments.barycentrics).tangent
+        assert tangent.dtype == torch.float32 and tangent.shape == fragments.barycentrics.shape
 
 
 def test_a_module_learns_with_an_optimizer_of_torch(generator):

@@ -59,8 +59,10 @@ __all__ = [
 ]
 
 
-# Meshes can be pickled and copied, and modules of torch that have them.
+# They can be pickled and copied, and modules of torch that have them.
 copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
+copyreg.pickle(SparseMatrix, lambda matrix: (SparseMatrix, (matrix.shape, *matrix.entries)))
+copyreg.pickle(Prefilter, lambda prefilter: (Prefilter, (prefilter.extent, prefilter.levels)))
 
 # The arrays of a call are of one type.
 _T = TypeVar("_T", np.float32, np.float64)
@@ -76,9 +78,10 @@ def _detail(level: Any, differentials: Any, bias: Any) -> bool:
     return level is not None or differentials is not None
 
 
-def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
+def _like(value: ArrayLike | Dual, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
-    return value if isinstance(value, (np.ndarray, Dual)) else np.asarray(value, array.dtype)
+    array_of: Any = value if isinstance(value, (np.ndarray, Dual)) else np.asarray(value, array.dtype)
+    return array_of
 
 
 def _only(recorded: tuple[tuple[NDArray[_T]], PullBack]) -> tuple[NDArray[_T], PullBack]:
@@ -499,7 +502,7 @@ def _of_numpy(describe: Callable[..., Step]) -> Callable[..., tuple[Any, PullBac
 
     def function(*arguments: Any, **options: Any) -> tuple[Any, PullBack]:
         step = describe(*arguments, **options)
-        first = next((x for x in step.arrays if isinstance(x, (np.ndarray, Dual))), None)
+        first: Any = next((x for x in step.arrays if isinstance(x, (np.ndarray, Dual))), None)
         # Without an array nobody knows a type: the native module says so.
         arrays = [x if x is None or first is None else _like(x, first) for x in step.arrays]
         outputs, pull_back = step.run(*arrays)

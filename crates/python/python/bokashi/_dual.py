@@ -13,8 +13,8 @@ class Dual:
     """An array with a tangent: what it is, and how it moves along one direction. Both are of float64 and of one shape.
 
     Operations of bokashi take it in place of an array and return such arrays, their pull-backs too. So do the arithmetic
-    of Python and the functions of numpy in `Dual.SLOPES`. Comparisons go by value. Others refuse it: a tangent is not
-    lost in silence.
+    of Python and the functions of numpy in `Dual.SLOPES` and `Dual.LINEAR`. Comparisons go by value. Others refuse it: a
+    tangent is not lost in silence.
 
     >>> x = Dual([1.0, 2.0], [1.0, 0.0])
     >>> (x * x + 3).value, (x * x + 3).tangent
@@ -33,6 +33,12 @@ class Dual:
         np.tanh: lambda x, y: 1 - y * y,
         np.absolute: lambda x, y: np.sign(x),
     }
+
+    #: Functions of numpy that move numbers, or add them: they do the same to tangents.
+    LINEAR = frozenset({
+        np.broadcast_to, np.concatenate, np.expand_dims, np.flip, np.hstack, np.mean, np.moveaxis, np.ravel, np.repeat,
+        np.reshape, np.roll, np.squeeze, np.stack, np.sum, np.tile, np.transpose, np.vstack,
+    })
 
     __slots__ = ("tangent", "value")
 
@@ -85,6 +91,16 @@ class Dual:
     def mean(self, axis: Any = None, keepdims: bool = False) -> Dual:
         return self._moved(np.mean, axis=axis, keepdims=keepdims)
 
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
+        if function not in self.LINEAR:
+            return NotImplemented
+        arrays, *more = arguments
+        if isinstance(arrays, Dual):
+            return arrays._moved(function, *more, **options)
+        pairs = [(x.value, x.tangent) if isinstance(x, Dual) else (x, np.zeros(np.shape(x))) for x in arrays]
+        values, tangents = zip(*pairs)
+        return Dual(function(values, *more, **options), function(tangents, *more, **options))
+
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options:
             return NotImplemented
@@ -129,10 +145,10 @@ class Dual:
         return np.power(self, exponent)
 
     def __neg__(self) -> Dual:
-        return np.negative(self)
+        return -1.0 * self
 
     def __abs__(self) -> Dual:
-        return np.absolute(self)
+        return self * np.sign(self.value)
 
     def __lt__(self, other: Any) -> Any:
         return np.less(self, other)

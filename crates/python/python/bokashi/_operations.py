@@ -260,9 +260,11 @@ def eye_depth_slope(fragments: Fragments[Any]) -> Single:
     Gradients: of barycentrics, clip positions and weights.
     """
     coverage = fragments.coverage
-    return Single(
-        lambda *x: _native.eye_depth_slope(*x, coverage), fragments.arrays, lambda *_: [(len(coverage), 2)]
-    )
+
+    def run(barycentrics: Any, clip: Any, weight: Any) -> Any:
+        return _native.eye_depth_slope(barycentrics, clip, weight, coverage)
+
+    return Single(run, fragments.arrays, lambda *_: [(len(coverage), 2)])
 
 
 def rasterize_behind(front: Fragments[Any], *, cull: str = "none") -> Step:
