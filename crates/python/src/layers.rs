@@ -42,7 +42,6 @@ pub fn depth_layers<'py>(
 /// Inputs: background, clip, colours and alpha of each layer, reference.
 #[pyfunction]
 #[pyo3(signature = (background, clip, layers, coverages, antialias=true, reference=None))]
-#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
 pub fn composite_layers<'py>(
     py: Python<'py>,
     background: Option<Array<'py>>,

@@ -168,6 +168,56 @@ def test_what_is_refused_says_the_rule_and_then_the_value(generator):
             wrong()
 
 
+def test_what_is_empty_has_a_result_or_an_error(generator):
+    none, rows = np.zeros((0, 3)), np.zeros(0, np.int64)
+    nothing = bokashi.Mesh(np.zeros((0, 3), np.int64), 0)
+    topology = bokashi.Topology(nothing)
+    for (value, pull_back), shape in [
+        (bokashi.norm(none), (0,)), (bokashi.normalize(none), (0, 3)), (bokashi.dot(none, none), (0,)),
+        (bokashi.matmul(none, np.ones((3, 2))), (0, 2)), (bokashi.gather_rows(np.ones((2, 3)), rows), (0, 3)),
+        (bokashi.scatter_add_rows(none, rows, 2), (2, 3)), (bokashi.squared_error(none, none), ()),
+        (bokashi.laplacian_error(none, topology.uniform_laplacian()), ()), (bokashi.normal_error(none, topology), ()),
+        (bokashi.rigid_error(none, bokashi.Rigidity(topology, none)), ()),
+    ]:
+        assert value.shape == shape and not value.any() and all(np.isfinite(bar).all() for bar in pull_back(value))
+    assert bokashi.depth_layers(np.zeros((0, 4)), nothing, 4)[0] == []
+    front, _ = bokashi.rasterize(np.zeros((0, 4)), nothing, 4)
+    assert len(bokashi.rasterize_behind(front)[0]) == 0
+    sky = np.array([0.2, 0.4])
+    image, _ = bokashi.composite_layers([(front, np.zeros((0, 2)), np.zeros(0))], sky)
+    np.testing.assert_array_equal(image, np.broadcast_to(sky, (4, 4, 2)))
+    seen, _ = bokashi.lens_picture([bokashi.LensLayer(front, np.zeros((0, 2)), np.zeros(0))], 2.0, 1.0, background=sky)
+    np.testing.assert_allclose(seen, image)
+    with pytest.raises(bokashi.RenderError):
+        bokashi.mean_error(none, none)
+
+
+def test_arrays_of_any_order_are_read_as_they_are(generator):
+    a = generator.normal(size=(5, 3))
+    for other in (np.asfortranarray(a), np.repeat(a, 2, 0)[::2], a[::-1][::-1]):
+        np.testing.assert_array_equal(bokashi.normalize(other)[0], bokashi.normalize(a)[0])
+    mask = generator.uniform(size=(3, 5)) > 0.5
+    np.testing.assert_array_equal(bokashi.mean_error(a, 2 * a, mask=mask.T)[0], bokashi.mean_error(a, 2 * a, mask=mask.T.copy())[0])
+    rows = np.array([3, 9, 0, 9])[::2]
+    np.testing.assert_array_equal(bokashi.gather_rows(a, rows)[0], a[[3, 0]])
+    for number in (np.int32, np.int64, np.uint32):
+        np.testing.assert_array_equal(bokashi.gather_rows(a, rows.astype(number))[0], a[[3, 0]])
+
+
+def test_bits_do_not_depend_on_threads(generator):
+    mesh, clip = layered(generator)
+    results = []
+    for threads in (1, 2, 4, None):
+        bokashi.set_num_threads(threads)
+        layers, _ = bokashi.depth_layers(clip, mesh, 150)
+        given = [bokashi.LensLayer(x, np.sin(x.barycentrics), bokashi.eye_depth(x)[0]) for x in layers]
+        image, of_lens = bokashi.lens_picture(given, 4.0, 1.3)
+        loss, of_loss = bokashi.ssim_error(image, np.zeros_like(image))
+        bars = of_lens(of_loss(np.ones(()))[0])
+        results.append(b"".join(x.tobytes() for x in (image, loss, *(bar for bar in bars if bar is not None))))
+    assert len(set(results)) == 1
+
+
 def test_constants_can_be_copied_and_pickled():
     matrix = bokashi.SparseMatrix((2, 3), np.array([1, 0]), np.array([2, 1]), np.array([0.5, 2.0]))
     for other in (copy.deepcopy(matrix), pickle.loads(pickle.dumps(matrix))):

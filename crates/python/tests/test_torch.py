@@ -103,6 +103,16 @@ def test_surfaces_behind_a_surface_pass_gradcheck(generator):
     assert bt.depth_layers(clip * torch.tensor([1, 1, 1, -1]), mesh, 8) == []
 
 
+def test_indices_and_masks_are_tensors_too(generator):
+    x = tensor(generator.normal(size=(4, 3)))
+    assert torch.equal(bt.gather_rows(x, torch.tensor([2, 0])), x[[2, 0]])
+    assert torch.equal(bt.mean_error(x, torch.zeros_like(x), mask=x > 0), x[x > 0].square().mean())
+    with pytest.raises(bokashi.RenderError, match="runs on a CPU"):
+        bt.norm(x.detach().to("meta"))
+    with pytest.raises(TypeError, match="needs tensors, got list"):
+        bt.norm([1.0, 2.0])
+
+
 def test_tangents_of_gradients_are_refused_and_not_lost(generator):
     from torch.autograd import forward_ad
 
@@ -168,6 +178,7 @@ def test_what_gets_no_gradient_is_not_asked_for_one(generator):
         lambda: bt.render(clip, mesh, colors, 8, reference=target),
         lambda: bt.picture(bt.interpolate(colors, fragments), fragments, reference=target),
         lambda: bt.se3(tensor(np.zeros(6)), pose),
+        lambda: bt.composite_layers([(fragments, colors.new_ones(len(fragments), 3), colors.new_ones(len(fragments)))], reference=target),
     ):
         with pytest.raises(bokashi.RenderError, match="has no gradient here and needs to be detached"):
             wrong()

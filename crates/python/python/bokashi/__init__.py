@@ -10,7 +10,7 @@ Each operation returns its value and a function that pulls gradients back:
 >>> surface, of_surface = bokashi.interpolate(colors, fragments)
 >>> surface.shape
 (8, 3)
->>> colors_bar, barycentrics_bar, _, _ = ofsurface_of(np.ones_like(surface))
+>>> colors_bar, barycentrics_bar, _, _ = of_surface(np.ones_like(surface))
 >>> (clip_bar,) = of_clip(barycentrics_bar)
 >>> clip_bar.shape
 (3, 4)
