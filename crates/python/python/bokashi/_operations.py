@@ -24,7 +24,7 @@ def _first(outputs: Sequence[Any]) -> Any:
     return outputs[0]
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Step:
     """What a function does with arrays.
 
@@ -40,7 +40,7 @@ class Step:
     result: Callable[[Sequence[Any]], Any] = _first
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Single(Step):
     """A step whose result is one array."""
 
