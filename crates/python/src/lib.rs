@@ -12,6 +12,7 @@ mod learning;
 mod light;
 mod mesh;
 mod operations;
+mod page;
 mod pull_back;
 mod rendering;
 mod scene;
@@ -42,6 +43,8 @@ mod _native {
         transform_normals, transform_points, vertex_normals,
     };
     #[pymodule_export]
+    use super::page::{learning_page, mesh_page};
+    #[pymodule_export]
     use super::pull_back::PullBack;
     #[pymodule_export]
     use super::rendering::{
@@ -51,7 +54,7 @@ mod _native {
     #[pymodule_export]
     use super::scene::{Scene, SceneFit, encode_png};
     #[pymodule_export]
-    use super::texture::{mipmaps, sample_cube_map, sample_texture};
+    use super::texture::{Texture, mipmaps, sample_cube_map, sample_texture};
     #[pymodule_export]
     use super::threads::{num_threads, set_num_threads};
 }

@@ -182,10 +182,16 @@ of_fragments! {
 
 /// What stands before a background: the image, or with a reference the sum of the squared errors.
 fn finish<'t, T: Scalar>(
+    operation: &'static str,
     picture: &ops::Picture<'t, T>,
     reference: Option<Var<'t, T>>,
 ) -> Result<OutputVars<'t, T>, Refusal> {
     let Some(reference) = reference else { return Ok(smallvec![picture.image()?]) };
+    let (Size { height, width }, channels) = (picture.size(), picture.channels());
+    if *reference.shape() != [height, width, channels] {
+        let rule = format!("a reference of shape [{height}, {width}, {channels}]");
+        return Err(ops::RenderError::Shape { operation, rule, shape: reference.shape() }.into());
+    }
     let zero = bokashi_core::Tensor::zeros([picture.channels()]);
     let behind = match picture.background() {
         Background::Color(color) => color.value(),
@@ -222,7 +228,7 @@ pub fn picture<'py>(
         let values = x[0].expect("they are required");
         let composite = ops::composite(values, &fragments, self::background(x[1]))?;
         let picture = if antialias && x[4].is_none() { ops::antialias(composite)? } else { composite.into() };
-        finish(&picture, x[5].map(Var::detach))
+        finish("picture", &picture, x[5].map(Var::detach))
     }))
 }
 
@@ -278,6 +284,6 @@ pub fn render<'py>(
         let clip = camera.map_or(Ok(positions), |camera| ops::project(positions, camera, None))?;
         let colors = VertexAttributes { values, indices: color_mesh.map(|mesh| &mesh.0) };
         let picture = ops::render(clip, &mesh.0, colors, options, self::background(behind))?;
-        finish(&picture, reference.map(Var::detach))
+        finish("render", &picture, reference.map(Var::detach))
     }))
 }

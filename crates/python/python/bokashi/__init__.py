@@ -28,20 +28,21 @@ from __future__ import annotations
 import copyreg
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from . import _native
-from ._check import Slope, check
-from ._native import Coverage, Mesh, PullBack, RenderError, SceneError, num_threads, set_num_threads
-from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
+from ._native import Coverage, Mesh, PullBack, RenderError, SceneError, Texture, num_threads, set_num_threads
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._check import Slope, check
+    from ._scenes import Fit, Learning, Parameter, Picture, Scene, View, fit
 
 __all__ = [
     "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
-    "SceneError", "Slope", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
+    "SceneError", "Slope", "Texture", "View", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
     "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit", "gaussian_blur",
     "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
     "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid",
@@ -50,15 +51,48 @@ __all__ = [
 ]
 
 
-# Meshes can be pickled and copied, and modules of torch that have them.
+def _coverage(mesh: Mesh, ids: NDArray[np.uint32], orientations: NDArray[np.int8] | None) -> Coverage:
+    return Coverage.from_ids(mesh, ids, orientations=orientations)
+
+
+def _parts(coverage: Coverage) -> tuple[Any, ...]:
+    if len(coverage) > coverage.centers:
+        raise TypeError("coverage with exact pieces can't be pickled: keep the clip positions, and rasterize again")
+    return _coverage, (coverage.mesh, coverage.triangle_ids(), coverage.orientations)
+
+
+def _texture(texels: NDArray[Any], *mips: NDArray[Any]) -> Texture:
+    return Texture(texels, mips=mips) if mips else Texture(texels, coarsest=0)
+
+
+# What is made of these can be pickled and copied: fragments, modules of torch.
 copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
+copyreg.pickle(Coverage, _parts)
+copyreg.pickle(Texture, lambda texture: (_texture, tuple(texture.levels)))
 
 # The arrays of a call are of one type.
-_T = TypeVar("_T", np.float32, np.float64)
+_T = TypeVar("_T", "np.float32", "np.float64")
 _Array = TypeVar("_Array")
 
+_LATER = {"Slope": "_check", "check": "_check"} | dict.fromkeys(
+    ("Fit", "Learning", "Parameter", "Picture", "Scene", "View", "fit"), "_scenes"
+)
 
-@dataclass(frozen=True)
+
+def __getattr__(name: str) -> Any:
+    """What needs numpy from its first line on, loaded where it is asked for: the import of numpy takes longest."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # The module is an attribute of this one once it is loaded.
+    __import__(f"{__name__}.{_LATER[name]}")
+    value = globals()[name] = getattr(globals()[_LATER[name]], name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})
+
+
 class Fragments(Generic[_Array]):
     """The covered samples of an image.
 
@@ -67,10 +101,32 @@ class Fragments(Generic[_Array]):
     positions that were rasterized. Fragments at pixel centres come first, then pieces.
     """
 
+    __slots__ = ("__weakref__", "barycentrics", "clip", "coverage", "weight")
+
     barycentrics: _Array
     weight: _Array | None
     clip: _Array
     coverage: Coverage
+
+    # No dataclass: what makes one takes longer to load than all of this.
+    def __init__(self, barycentrics: _Array, weight: _Array | None, clip: _Array, coverage: Coverage) -> None:
+        keep = object.__setattr__
+        keep(self, "barycentrics", barycentrics)
+        keep(self, "weight", weight)
+        keep(self, "clip", clip)
+        keep(self, "coverage", coverage)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"fragments stay as they are, and `replace` makes others: {name} was to be set")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"fragments stay as they are, and {name} was to be deleted")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.barycentrics, self.weight, self.clip, self.coverage)
+
+    def __repr__(self) -> str:
+        return f"Fragments({len(self)} in {self.coverage!r})"
 
     def __len__(self) -> int:
         return len(self.coverage)
@@ -92,17 +148,20 @@ class Fragments(Generic[_Array]):
 
     def replace(self, **fields: Any) -> Fragments[_Array]:
         """The same fragments with other arrays of the same shapes."""
-        return replace(self, **fields)
+        own = {name: getattr(self, name) for name in ("barycentrics", "weight", "clip", "coverage")}
+        return Fragments(**{**own, **fields})
 
 
 def _size(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
+    height, width = size if hasattr(size, "__len__") else (size, size)
     return operator.index(height), operator.index(width)
 
 
-def _detail(level: Any, differentials: Any, bias: Any) -> bool:
+def _detail(level: Any, differentials: Any, bias: Any, mips: Any) -> bool:
     """Whether a texture is sampled at levels of detail. What would be ignored is refused."""
+    if mips and level is None and differentials is None:
+        raise RenderError("mips are levels of detail: a sample of them needs a level or differentials, got neither")
     if level is not None and (differentials is not None or bias is not None):
         raise RenderError("a sample has a level, or differentials with a bias, got both")
     if bias is not None and differentials is None:
@@ -112,6 +171,10 @@ def _detail(level: Any, differentials: Any, bias: Any) -> bool:
 
 def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
+    if isinstance(value, type(array)):
+        return value
+    import numpy as np
+
     return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
 
 
@@ -343,6 +406,7 @@ def render(
     within a pixel, too. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of positions, camera,
     colors and background, then of the reference, which gets none.
 
+    >>> import numpy as np
     >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
     >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
     >>> image, _ = render(clip, mesh, np.ones((3, 1)), 8)
@@ -374,22 +438,27 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 
 def _sample(
-    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T], coordinates: NDArray[_T],
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture, coordinates: NDArray[_T],
     level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
     border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
-    levels = [texels, *(mips or ())]
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
+    still = texels if isinstance(texels, Texture) else None
+    if still is not None and mips:
+        raise RenderError("a Texture has levels of its own, and a sample of it was given mips")
+    levels = [] if still is not None else [texels, *(mips or ())]
     return _only(
-        function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)
+        function(
+            coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps, still
+        )
     )
 
 
 def sample_texture(
-    texels: NDArray[_T], coordinates: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, coordinates: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     border: str | Sequence[str] = "wrap", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[NDArray[_T]] | None = None,
@@ -400,6 +469,14 @@ def sample_texture(
     and a `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic",
     `border` "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own.
     Gradients: of coordinates, level, differentials, bias, texels and mips.
+
+    Mipmaps of an array are made in each call. Those of a `Texture`, which has no gradient, were made with it.
+
+    >>> import numpy as np
+    >>> texture = Texture(np.arange(16.0).reshape(4, 4, 1))
+    >>> middle = np.array([[0.5, 0.5]])
+    >>> [float(sample_texture(texture, middle, level=level)[0].item()) for level in (0, 2)]
+    [7.5, 7.5]
     """
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -407,7 +484,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: NDArray[_T], directions: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, directions: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[NDArray[_T]] | None = None,
 ) -> tuple[NDArray[_T], PullBack]:
