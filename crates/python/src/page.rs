@@ -95,8 +95,9 @@ fn curve(losses: &[f64]) -> Figure {
         let last = *losses.last().expect("no chunk is empty");
         [(k * per_point + losses.len()) as f64, low, last, high]
     });
-    let is_positive = losses.iter().all(|&loss| loss > 0.0);
-    let y = if is_positive { Scale::Logarithmic } else { Scale::Linear };
+    // Where a loss becomes zero it lies on the end of its axis.
+    let has_ratios = losses.iter().all(|&loss| loss >= 0.0) && losses[0] > 0.0;
+    let y = if has_ratios { Scale::Logarithmic } else { Scale::Linear };
     let curve = Curve::new(0, Stroke::Solid, points.collect());
     Figure::new("Loss before each step", (Scale::Linear, "step"), y, [curve])
 }

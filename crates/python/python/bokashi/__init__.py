@@ -154,7 +154,9 @@ class Fragments(Generic[_Array]):
 
 def _size(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    height, width = size if hasattr(size, "__len__") else (size, size)
+    # No arrays are asked for: numpy may not be there yet.
+    pair: Any = size if hasattr(size, "__len__") else (size, size)
+    height, width = pair
     return operator.index(height), operator.index(width)
 
 

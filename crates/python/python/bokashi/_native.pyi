@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "Coverage", "Learning", "Mesh", "PullBack", "RenderError", "Scene", "SceneError", "SceneFit", "affine_inverse",
-    "antialias_image", "depth", "depth_of_field", "differentials", "distort", "downsample", "encode_png", "exposure",
-    "eye_depth", "face_normals", "fisheye", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps",
-    "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole", "project", "project_instances",
-    "rasterize", "reflect", "render", "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade",
-    "srgb_decode", "srgb_encode", "tangents", "transform_normals", "transform_points", "vertex_normals",
+    "Coverage", "Learning", "Mesh", "PullBack", "RenderError", "Scene", "SceneError", "SceneFit", "Texture",
+    "affine_inverse", "antialias_image", "depth", "depth_of_field", "differentials", "distort", "downsample",
+    "encode_png", "exposure", "eye_depth", "face_normals", "fisheye", "gaussian_blur", "interpolate",
+    "interpolate_differentials", "learning_page", "mesh_page", "mipmaps", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
+    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
+    "tangents", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 # The arrays of a call are of one type.
