@@ -18,6 +18,9 @@ pub type DualNumber = bokashi_core::Dual<f64>;
 
 /// A type of numbers that Python and the tape share.
 pub trait Number: Scalar {
+    /// Its name in numpy.
+    const NAME: &'static str;
+
     /// Tapes of steps that Python has let go of, to be used again.
     fn tapes() -> &'static Mutex<Vec<Tape<Self>>>;
 
@@ -46,14 +49,15 @@ macro_rules! tapes {
 macro_rules! number {
     ($number:ident, $name:literal, $kind:ident) => {
         impl Number for $number {
+            const NAME: &'static str = $name;
+
             tapes!($number);
 
             fn view<'a>(array: &'a Array<'_>) -> PyResult<View<'a, Self>> {
                 let Array::$kind(numbers) = array else {
-                    let given = array.name();
+                    let (given, needed) = (array.name(), Self::NAME);
                     return Err(PyTypeError::new_err(format!(
-                        concat!("a call needs arrays of one type, got {} beside ", $name),
-                        given
+                        "a call needs arrays of one type, got {given} beside {needed}"
                     )));
                 };
                 Ok((numbers.shape(), Cow::Borrowed(numbers.as_slice()?)))
@@ -74,6 +78,8 @@ number!(f32, "float32", Single);
 number!(f64, "float64", Double);
 
 impl Number for DualNumber {
+    const NAME: &'static str = "numbers with tangents";
+
     tapes!(DualNumber);
 
     fn view<'a>(array: &'a Array<'_>) -> PyResult<View<'a, Self>> {
@@ -211,9 +217,9 @@ impl Array<'_> {
     /// The name of its numbers.
     fn name(&self) -> &'static str {
         match self {
-            Self::Single(_) => "float32",
-            Self::Double(_) => "float64",
-            Self::Dual(_) => "numbers with tangents",
+            Self::Single(_) => f32::NAME,
+            Self::Double(_) => f64::NAME,
+            Self::Dual(_) => DualNumber::NAME,
         }
     }
 }

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use bokashi_render_ops::{self as ops, Cull, Size};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smallvec::SmallVec;
@@ -143,14 +145,15 @@ impl Coverage {
     }
 
     /// The coverage of an image `[H, W]` of triangle ids: the index of the face that a pixel sees plus 1, or 0. With clip
-    /// positions `[V, 4]` it knows silhouettes.
+    /// positions `[V, 4]`, or with `orientations` of another coverage, it knows silhouettes.
     #[staticmethod]
-    #[pyo3(signature = (mesh, ids, clip=None, cull="none"))]
+    #[pyo3(signature = (mesh, ids, clip=None, cull="none", orientations=None))]
     fn from_ids(
         mesh: &Mesh,
         ids: PyReadonlyArrayDyn<'_, u32>,
         clip: Option<Array<'_>>,
         cull: &str,
+        orientations: Option<PyReadonlyArray1<'_, i8>>,
     ) -> PyResult<Self> {
         let &[height, width] = ids.shape() else {
             return Err(PyValueError::new_err(format!(
@@ -168,7 +171,28 @@ impl Coverage {
                 coverage.with_orientations(&clip, cull).map_err(Refusal::from)?
             });
         }
+        if let Some(orientations) = orientations {
+            let known = orientations.as_slice()?;
+            coverage = coverage.with_known_orientations(known).map_err(Refusal::from)?;
+        }
         Ok(Self(Arc::new(coverage)))
+    }
+
+    /// Which way each face turns as it is seen, `[F]`, `int8`: 1 for counter-clockwise, -1 for clockwise, 0 for neither or a
+    /// side that is not drawn. `None` where nobody knows.
+    #[getter]
+    fn orientations<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<i8>>> {
+        self.0.orientations().map(|known| PyArray1::from_slice(py, known))
+    }
+
+    /// It stays as it is: the same.
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    /// It stays as it is: the same.
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _known: Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
     }
 
     /// The number of fragments.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bokashi_core::{OutputVars, Scalar, Tape, Var};
-use bokashi_render_ops::{self as ops, Background, PixelLoss};
+use bokashi_render_ops::{self as ops, Background, PixelLoss, Size};
 use smallvec::smallvec;
 
 use crate::array::Array;
@@ -36,10 +36,16 @@ pub fn background<'t, T: Scalar>(given: Option<Var<'t, T>>) -> Background<'t, T>
 
 /// What stands before a background: the image, or with a reference the sum of the squared errors.
 pub fn finish<'t, T: Scalar>(
+    operation: &'static str,
     picture: &ops::Picture<'t, T>,
     reference: Option<Var<'t, T>>,
 ) -> Result<OutputVars<'t, T>, Refusal> {
     let Some(reference) = reference else { return Ok(smallvec![picture.image()?]) };
+    let (Size { height, width }, channels) = (picture.size(), picture.channels());
+    if *reference.shape() != [height, width, channels] {
+        let rule = format!("a reference of shape [{height}, {width}, {channels}]");
+        return Err(ops::RenderError::Shape { operation, rule, shape: reference.shape() }.into());
+    }
     let zero = bokashi_core::Tensor::zeros([picture.channels()]);
     let behind = match picture.background() {
         Background::Color(color) => color.value(),

@@ -68,7 +68,7 @@ pub fn composite_layers<'py>(
             .collect();
         let composite = ops::composite_layers(&layers, fragments::background(x[0]))?;
         let picture = if antialias { ops::antialias(composite)? } else { composite.into() };
-        fragments::finish(&picture, x[x.len() - 1].map(Var::detach))
+        fragments::finish("composite_layers", &picture, x[x.len() - 1].map(Var::detach))
     }))
 }
 

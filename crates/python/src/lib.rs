@@ -18,6 +18,7 @@ mod losses;
 mod materials;
 mod mesh;
 mod operations;
+mod page;
 mod pull_back;
 mod rendering;
 mod scene;
@@ -59,6 +60,8 @@ mod _native {
         transform_normals, transform_points, vertex_normals,
     };
     #[pymodule_export]
+    use super::page::{learning_page, mesh_page};
+    #[pymodule_export]
     use super::pull_back::PullBack;
     #[pymodule_export]
     use super::rendering::{
@@ -73,7 +76,7 @@ mod _native {
         softplus, sparse_product, squared_error,
     };
     #[pymodule_export]
-    use super::texture::{mipmaps, sample_cube_map, sample_texture};
+    use super::texture::{Texture, mipmaps, sample_cube_map, sample_texture};
     #[pymodule_export]
     use super::threads::{num_threads, set_num_threads};
 }

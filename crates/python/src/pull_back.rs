@@ -1,5 +1,6 @@
 //! From the gradients of a step's outputs to those of its inputs.
 
+use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
 
 use bokashi_core::{InputGradients, Recording, Tensor};
@@ -11,6 +12,33 @@ use smallvec::SmallVec;
 use crate::array::{Array, Kind, Number};
 use crate::error::Refusal;
 use crate::threads::released;
+
+/// The gradient of an output: an array, or a number where the output is one.
+enum Upstream<'py> {
+    Array(Array<'py>),
+    Number(f64),
+}
+
+impl<'py> FromPyObject<'_, 'py> for Upstream<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        match object.extract() {
+            Ok(array) => Ok(Self::Array(array)),
+            Err(error) => object.extract().map(Self::Number).map_err(|_| error),
+        }
+    }
+}
+
+impl Upstream<'_> {
+    /// The shape and the numbers.
+    fn view<T: Number>(&self) -> PyResult<(&[usize], Cow<'_, [T]>)> {
+        match self {
+            Self::Array(array) => array.view(),
+            Self::Number(number) => Ok((&[], vec![T::from_f64(*number)].into())),
+        }
+    }
+}
 
 /// A recorded step, to be pulled back: called with a gradient, or `None`, for each output, it returns a gradient, or
 /// `None`, for each array that the step was given. It can be called as often as one likes.
@@ -32,12 +60,12 @@ impl PullBack {
         &self,
         py: Python<'py>,
         recording: &Mutex<Recording<T>>,
-        upstream: &[Option<Array<'py>>],
+        upstream: &[Option<Upstream<'py>>],
         wanted: Option<&[bool]>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let views = upstream
             .iter()
-            .map(|array| array.as_ref().map(Array::view::<T>).transpose())
+            .map(|given| given.as_ref().map(Upstream::view::<T>).transpose())
             .collect::<PyResult<SmallVec<[_; 4]>>>()?;
         let places: SmallVec<[usize; 8]> =
             (0..self.is_given.len()).filter(|&k| self.is_given[k]).collect();
@@ -69,7 +97,7 @@ impl PullBack {
     fn __call__<'py>(
         &self,
         py: Python<'py>,
-        upstream: Vec<Option<Array<'py>>>,
+        upstream: Vec<Option<Upstream<'py>>>,
         wanted: Option<Vec<bool>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         if let Some(wanted) = &wanted

@@ -184,7 +184,7 @@ pub fn picture<'py>(
         let values = x[0].expect("they are required");
         let composite = ops::composite(values, &fragments, fragments::background(x[1]))?;
         let picture = if antialias && x[4].is_none() { ops::antialias(composite)? } else { composite.into() };
-        fragments::finish(&picture, x[5].map(Var::detach))
+        fragments::finish("picture", &picture, x[5].map(Var::detach))
     }))
 }
 
@@ -240,6 +240,6 @@ pub fn render<'py>(
         let clip = camera.map_or(Ok(positions), |camera| ops::project(positions, camera, None))?;
         let colors = VertexAttributes { values, indices: color_mesh.map(|mesh| &mesh.0) };
         let picture = ops::render(clip, &mesh.0, colors, options, fragments::background(behind))?;
-        fragments::finish(&picture, reference.map(Var::detach))
+        fragments::finish("render", &picture, reference.map(Var::detach))
     }))
 }

@@ -18,6 +18,10 @@ pub type Given<'t, T> = SmallVec<[Option<Var<'t, T>>; 8]>;
 /// The outputs of a step, and its pull-back.
 pub type Recorded<'py> = PyResult<(Bound<'py, PyTuple>, PullBack)>;
 
+/// What records the operations of a step.
+type Operations<'a, T> =
+    dyn for<'t> FnMut(&'t Tape<T>, &Given<'t, T>) -> Result<OutputVars<'t, T>, Refusal> + Send + 'a;
+
 /// Records a step on arrays of type `T` and returns its outputs as arrays, and the pull-back.
 ///
 /// # Errors
@@ -26,6 +30,18 @@ pub fn record<'py, T: Number>(
     py: Python<'py>,
     inputs: &[Option<&Array<'py>>],
     record: impl for<'t> FnOnce(&'t Tape<T>, &Given<'t, T>) -> Result<OutputVars<'t, T>, Refusal> + Send,
+) -> PyResult<(Bound<'py, PyTuple>, PullBack)> {
+    let mut record = Some(record);
+    record_step(py, inputs, &mut |tape, given| {
+        record.take().expect("a step is recorded once")(tape, given)
+    })
+}
+
+/// The same for any operations: compiled once, and not for each of them.
+fn record_step<'py, T: Number>(
+    py: Python<'py>,
+    inputs: &[Option<&Array<'py>>],
+    record: &mut Operations<'_, T>,
 ) -> PyResult<(Bound<'py, PyTuple>, PullBack)> {
     let views: SmallVec<[Option<View<'_, T>>; 8]> = inputs
         .iter()

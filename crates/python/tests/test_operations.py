@@ -236,7 +236,7 @@ ENTRIES = {
     "tangents": "tangents", "perturbed_normals": "perturbed_normals", "shade": "shade", "irradiance": "irradiance",
     "environment": "prefiltered shade_in_environment", "reflect": "reflect", "tone": "exposure srgb_encode srgb_decode",
     "rasterize": "rasterize", "rasterize_behind": "rasterize_behind depth_layers", "differentials": "differentials",
-    "sample_texture": "sample_texture mipmaps", "sample_cube_map": "sample_cube_map",
+    "sample_texture": "sample_texture mipmaps", "still_textures": "sample_texture sample_cube_map", "sample_cube_map": "sample_cube_map",
     "interpolate": "interpolate interpolate_differentials", "composite": "picture",
     "composite_layers": "composite_layers", "over": "over", "antialias": "picture antialias_image", "depth": "depth",
     "eye_depth": "eye_depth eye_depth_slope", "depth_of_field": "depth_of_field", "lens_picture": "lens_picture",

@@ -152,6 +152,21 @@ def test_a_reference_that_moves_moves_the_loss(generator):
     np.testing.assert_allclose(slope, (2 * (reference - image) * move).sum(), rtol=1e-10)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_textures_that_stay_have_no_tangent_and_their_coordinates_have(dtype, generator):
+    for texels, places, sample in [
+        (generator.uniform(size=(8, 8, 2)), generator.uniform(size=(5, 2)), bokashi.sample_texture),
+        (generator.uniform(size=(6, 4, 4, 2)), generator.normal(size=(5, 3)), bokashi.sample_cube_map),
+    ]:
+        texels, moves = texels.astype(dtype), generator.normal(size=places.shape)
+        still = bokashi.jvp(lambda x: sample(bokashi.Texture(texels), x, level=0.4), [places], [moves])
+        copied = bokashi.jvp(lambda x: sample(texels.astype(np.float64), x, level=0.4), [places], [moves])
+        np.testing.assert_allclose(still, copied, rtol=1e-5 if dtype == np.float32 else 1e-14)
+        assert abs(still[1]).max() > 0.1
+        with pytest.raises(TypeError, match="a texture that stays has no tangent"):
+            bokashi.Texture(Dual(texels, texels))
+
+
 def test_bits_of_tangents_do_not_depend_on_threads(generator):
     mesh, clip = scene(generator)
     found = []

@@ -27,50 +27,91 @@ from __future__ import annotations
 
 import copyreg
 from collections.abc import Callable, Sequence
-from typing import Any, ParamSpec, TypeVar, overload
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from . import _native, _operations
-from ._check import Slope, check
-from ._dual import Dual, hvp, jvp
 from ._given import Fragments, size_of, surface_of
 from ._native import (
-    Coverage, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Topology, num_threads,
-    set_num_threads,
+    Coverage, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Texture, Topology,
+    num_threads, set_num_threads,
 )
 from ._operations import Environment, LensLayer, Single, Step, dressed
-from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._check import Slope, check
+    from ._dual import Dual, hvp, jvp
+    from ._scenes import Fit, Learning, Parameter, Picture, Scene, View, fit
 
 __all__ = [
     "Coverage", "Dual", "Environment", "Fit", "Fragments", "Learning", "LensLayer", "Mesh", "Parameter", "Picture",
-    "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Topology",
-    "affine_inverse", "antialias_image", "check", "composite_layers", "cross", "depth", "depth_error", "depth_layers",
-    "depth_of_field", "differentials", "distort", "dot", "downsample", "edge_length_error", "exposure", "eye_depth",
-    "eye_depth_slope", "face_normals", "fisheye", "fit", "gather_rows", "gaussian_blur", "halved", "hvp",
-    "interpolate", "interpolate_differentials", "irradiance", "jvp", "laplacian_error", "lens_picture", "matmul",
-    "mean_error", "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize", "num_threads",
-    "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project", "project_instances",
-    "rasterize", "rasterize_behind", "reflect", "render", "rigid", "rigid_error", "sample_cube_map", "sample_texture",
-    "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment", "sigmoid", "silhouette_error",
-    "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode", "ssim_error", "tangents",
-    "total_variation", "transform_normals", "transform_points", "vertex_normals",
+    "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Texture",
+    "Topology", "View", "affine_inverse", "antialias_image", "check", "composite_layers", "cross", "depth",
+    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
+    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "fit", "gather_rows",
+    "gaussian_blur", "halved", "hvp", "interpolate", "interpolate_differentials", "irradiance", "jvp",
+    "laplacian_error", "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm",
+    "normal_error", "normalize", "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole",
+    "prefiltered", "project", "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid",
+    "rigid_error", "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade",
+    "shade_in_environment", "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error",
+    "srgb_decode", "srgb_encode", "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points",
+    "vertex_normals",
 ]
 
 
-# They can be pickled and copied, and modules of torch that have them.
+def _coverage(mesh: Mesh, ids: NDArray[np.uint32], orientations: NDArray[np.int8] | None) -> Coverage:
+    return Coverage.from_ids(mesh, ids, orientations=orientations)
+
+
+def _parts(coverage: Coverage) -> tuple[Any, ...]:
+    if len(coverage) > coverage.centers:
+        raise TypeError("coverage with exact pieces can't be pickled: keep the clip positions, and rasterize again")
+    return _coverage, (coverage.mesh, coverage.triangle_ids(), coverage.orientations)
+
+
+def _texture(texels: NDArray[Any], *mips: NDArray[Any]) -> Texture:
+    return Texture(texels, mips=mips) if mips else Texture(texels, coarsest=0)
+
+
+# What is made of these can be pickled and copied: fragments, modules of torch.
 copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
+copyreg.pickle(Coverage, _parts)
+copyreg.pickle(Texture, lambda texture: (_texture, tuple(texture.levels)))
 copyreg.pickle(SparseMatrix, lambda matrix: (SparseMatrix, (matrix.shape, *matrix.entries)))
 copyreg.pickle(Prefilter, lambda prefilter: (Prefilter, (prefilter.extent, prefilter.levels)))
 
 # The arrays of a call are of one type.
-_T = TypeVar("_T", np.float32, np.float64)
+_T = TypeVar("_T", "np.float32", "np.float64")
 _P = ParamSpec("_P")
 
+_LATER = (
+    {"Slope": "_check", "check": "_check"}
+    | dict.fromkeys(("Dual", "hvp", "jvp"), "_dual")
+    | dict.fromkeys(("Fit", "Learning", "Parameter", "Picture", "Scene", "View", "fit"), "_scenes")
+)
 
-def _detail(level: Any, differentials: Any, bias: Any) -> bool:
+
+def __getattr__(name: str) -> Any:
+    """What needs numpy from its first line on, loaded where it is asked for: the import of numpy takes longest."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # The module is an attribute of this one once it is loaded.
+    __import__(f"{__name__}.{_LATER[name]}")
+    value = globals()[name] = getattr(globals()[_LATER[name]], name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})
+
+
+def _detail(level: Any, differentials: Any, bias: Any, mips: Any) -> bool:
     """Whether a texture is sampled at levels of detail. What would be ignored is refused."""
+    if mips and level is None and differentials is None:
+        raise RenderError("mips are levels of detail: a sample of them needs a level or differentials, got neither")
     if level is not None and (differentials is not None or bias is not None):
         raise RenderError("a sample has a level, or differentials with a bias, got both")
     if bias is not None and differentials is None:
@@ -80,7 +121,11 @@ def _detail(level: Any, differentials: Any, bias: Any) -> bool:
 
 def _like(value: ArrayLike | Dual, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
-    array_of: Any = value if isinstance(value, (np.ndarray, Dual)) else np.asarray(value, array.dtype)
+    if isinstance(value, type(array)):
+        return value
+    import numpy as np
+
+    array_of: Any = value if isinstance(value, np.ndarray) or hasattr(value, "tangent") else np.asarray(value, array.dtype)
     return array_of
 
 
@@ -298,6 +343,7 @@ def render(
     within a pixel, too. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of positions, camera,
     colors and background, then of the reference, which gets none.
 
+    >>> import numpy as np
     >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
     >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
     >>> image, _ = render(clip, mesh, np.ones((3, 1)), 8)
@@ -329,22 +375,27 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 
 def _sample(
-    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T], coordinates: NDArray[_T],
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture, coordinates: NDArray[_T],
     level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
     border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
-    levels = [texels, *(mips or ())]
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
+    still = texels if isinstance(texels, Texture) else None
+    if still is not None and mips:
+        raise RenderError("a Texture has levels of its own, and a sample of it was given mips")
+    levels = [] if still is not None else [texels, *(mips or ())]
     return _only(
-        function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)
+        function(
+            coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps, still
+        )
     )
 
 
 def sample_texture(
-    texels: NDArray[_T], coordinates: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, coordinates: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     border: str | Sequence[str] = "wrap", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[NDArray[_T]] | None = None,
@@ -355,6 +406,14 @@ def sample_texture(
     and a `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic",
     `border` "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own.
     Gradients: of coordinates, level, differentials, bias, texels and mips.
+
+    Mipmaps of an array are made in each call. Those of a `Texture`, which has no gradient, were made with it.
+
+    >>> import numpy as np
+    >>> texture = Texture(np.arange(16.0).reshape(4, 4, 1))
+    >>> middle = np.array([[0.5, 0.5]])
+    >>> [float(sample_texture(texture, middle, level=level)[0].item()) for level in (0, 2)]
+    [7.5, 7.5]
     """
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -362,7 +421,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: NDArray[_T], directions: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, directions: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[NDArray[_T]] | None = None,
 ) -> tuple[NDArray[_T], PullBack]:
@@ -502,7 +561,7 @@ def _of_numpy(describe: Callable[..., Step]) -> Callable[..., tuple[Any, PullBac
 
     def function(*arguments: Any, **options: Any) -> tuple[Any, PullBack]:
         step = describe(*arguments, **options)
-        first: Any = next((x for x in step.arrays if isinstance(x, (np.ndarray, Dual))), None)
+        first = next((x for x in step.arrays if hasattr(x, "dtype")), None)
         # Without an array nobody knows a type: the native module says so.
         arrays = [x if x is None or first is None else _like(x, first) for x in step.arrays]
         outputs, pull_back = step.run(*arrays)

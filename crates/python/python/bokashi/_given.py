@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ._native import Coverage, RenderError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _Array = TypeVar("_Array")
 
 
-@dataclass(frozen=True)
 class Fragments(Generic[_Array]):
     """The covered samples of an image.
 
@@ -24,10 +23,32 @@ class Fragments(Generic[_Array]):
     positions that were rasterized. Fragments at pixel centres come first, then pieces.
     """
 
+    __slots__ = ("__weakref__", "barycentrics", "clip", "coverage", "weight")
+
     barycentrics: _Array
     weight: _Array | None
     clip: _Array
     coverage: Coverage
+
+    # No dataclass: what makes one takes longer to load than all of this.
+    def __init__(self, barycentrics: _Array, weight: _Array | None, clip: _Array, coverage: Coverage) -> None:
+        keep = object.__setattr__
+        keep(self, "barycentrics", barycentrics)
+        keep(self, "weight", weight)
+        keep(self, "clip", clip)
+        keep(self, "coverage", coverage)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"fragments stay as they are, and `replace` makes others: {name} was to be set")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"fragments stay as they are, and {name} was to be deleted")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.barycentrics, self.weight, self.clip, self.coverage)
+
+    def __repr__(self) -> str:
+        return f"Fragments({len(self)} in {self.coverage!r})"
 
     def __len__(self) -> int:
         return len(self.coverage)
@@ -49,12 +70,15 @@ class Fragments(Generic[_Array]):
 
     def replace(self, **fields: Any) -> Fragments[_Array]:
         """The same fragments with other arrays of the same shapes."""
-        return replace(self, **fields)
+        own = {name: getattr(self, name) for name in ("barycentrics", "weight", "clip", "coverage")}
+        return Fragments(**{**own, **fields})
 
 
 def size_of(size: int | Sequence[int]) -> tuple[int, int]:
     """Height and width of a size, or of a square."""
-    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
+    # No arrays are asked for: numpy may not be there yet.
+    pair: Any = size if hasattr(size, "__len__") else (size, size)
+    height, width = pair
     return operator.index(height), operator.index(width)
 
 

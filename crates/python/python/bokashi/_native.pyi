@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Coverage", "Learning", "Mesh", "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError",
-    "SceneFit", "SparseMatrix", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
-    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
+    "SceneFit", "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers",
+    "cross", "depth", "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
     "edge_length_error", "encode_png", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye",
     "gather_rows", "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance",
-    "laplacian_error", "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm",
-    "normal_error", "normalize", "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole",
-    "prefiltered", "project", "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid",
-    "rigid_error", "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade",
-    "shade_in_environment", "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error",
-    "srgb_decode", "srgb_encode", "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points",
-    "vertex_normals",
+    "laplacian_error", "learning_page", "lens_picture", "matmul", "mean_error", "mesh_page", "mipmaps",
+    "multiscale_ssim_error", "norm", "normal_error", "normalize", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "prefiltered", "project", "project_instances", "rasterize",
+    "rasterize_behind", "reflect", "render", "rigid", "rigid_error", "sample_cube_map", "sample_texture",
+    "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment", "sigmoid", "silhouette_error",
+    "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode", "ssim_error", "tangents",
+    "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 # The arrays of a call are of one type.
@@ -47,7 +47,12 @@ class Coverage:
         ids: NDArray[np.uint32],
         clip: NDArray[np.float32] | NDArray[np.float64] | None = None,
         cull: str = "none",
+        orientations: NDArray[np.int8] | None = None,
     ) -> Coverage: ...
+    def __copy__(self) -> Coverage: ...
+    def __deepcopy__(self, _known: Any, /) -> Coverage: ...
+    @property
+    def orientations(self) -> NDArray[np.int8] | None: ...
     @property
     def centers(self) -> int: ...
     @property
@@ -67,8 +72,20 @@ class Coverage:
 class PullBack:
     # A gradient is None where it was not wanted or nothing depends on the input.
     def __call__(
-        self, *upstream: NDArray[Any] | None, wanted: Sequence[bool] | None = None
+        self, *upstream: NDArray[Any] | float | None, wanted: Sequence[bool] | None = None
     ) -> tuple[NDArray[Any] | Any, ...]: ...
+
+@final
+class Texture:
+    def __new__(
+        cls, texels: NDArray[Any], *, mips: Sequence[NDArray[Any]] | None = None, coarsest: int | None = None
+    ) -> Texture: ...
+    def __len__(self) -> int: ...
+    @property
+    def levels(self) -> list[NDArray[Any]]: ...
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def holds(self, levels: Sequence[NDArray[Any]]) -> bool: ...
 
 @final
 class Scene:
@@ -85,8 +102,8 @@ class Scene:
 
 @final
 class SceneFit:
-    # A step's number, the loss before its update and its milliseconds; None at the end.
-    def step(self) -> tuple[int, float, float] | None: ...
+    # The loss before the step's update and its milliseconds come to the end of the lists; False at the end.
+    def step(self, losses: list[float], milliseconds: list[float]) -> bool: ...
     @property
     def steps_done(self) -> int: ...
     @property
@@ -98,6 +115,7 @@ class SceneFit:
     def learnt(self) -> Scene: ...
     def render(self, view: int | str = ..., reduce: int = 1) -> NDArray[np.float32]: ...
     def score(self, view: int | str = ...) -> dict[str, float | None]: ...
+    def page(self, words: str, losses: Sequence[float]) -> str: ...
     def save(self, path: str | Path) -> None: ...
     def save_results(self, folder: str | Path) -> list[Path]: ...
 
@@ -115,8 +133,11 @@ class Learning:
     ) -> Learning: ...
     # As that of SceneFit; at the end, in words, why.
     def step(
-        self, function: Callable[[dict[str, NDArray[Any]]], tuple[float, dict[str, Any]]]
-    ) -> tuple[int, float, float] | str: ...
+        self,
+        function: Callable[[dict[str, NDArray[Any]]], tuple[float, dict[str, Any]]],
+        losses: list[float],
+        milliseconds: list[float],
+    ) -> str | None: ...
     @property
     def steps(self) -> int: ...
     @property
@@ -162,6 +183,10 @@ class Rigidity:
         cls, topology: Topology, rest: NDArray[np.float32] | NDArray[np.float64], weights: str = "cotangent"
     ) -> Rigidity: ...
 
+def mesh_page(
+    positions: NDArray[Any], mesh: Mesh, colors: NDArray[Any] | None = None, caption: str = ""
+) -> str: ...
+def learning_page(words: str, losses: Sequence[float], parameters: Sequence[tuple[str, NDArray[Any]]]) -> str: ...
 def encode_png(image: NDArray[np.float32]) -> bytes: ...
 def set_num_threads(count: int | None = None) -> None: ...
 def num_threads() -> int: ...
@@ -259,6 +284,7 @@ def sample_texture(
     coarsest: int | None = None,
     probes: int = 8,
     mipmaps: bool = False,
+    still: Texture | None = None,
 ) -> _One[_T]: ...
 def sample_cube_map(
     coordinates: NDArray[_T],
@@ -271,6 +297,7 @@ def sample_cube_map(
     coarsest: int | None = None,
     probes: int = 8,
     mipmaps: bool = False,
+    still: Texture | None = None,
 ) -> _One[_T]: ...
 def face_normals(positions: NDArray[_T], mesh: Mesh) -> _One[_T]: ...
 def vertex_normals(positions: NDArray[_T], mesh: Mesh, weighting: str = "angle") -> _One[_T]: ...

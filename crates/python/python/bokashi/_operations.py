@@ -6,25 +6,22 @@ look like. `bokashi`, `bokashi.torch` and `bokashi.jax` each make a function of 
 
 from __future__ import annotations
 
-import functools
-import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import _native
 from ._given import Fragments, size_of, surface_of
 from ._native import Mesh, Prefilter, RenderError, Rigidity, SparseMatrix, Topology
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 def _first(outputs: Sequence[Any]) -> Any:
     return outputs[0]
 
 
-@dataclass(slots=True)
 class Step:
     """What a function does with arrays.
 
@@ -33,24 +30,47 @@ class Step:
     outputs look like; it is `None` where nobody knows before. `result` makes of outputs what the caller gets.
     """
 
-    run: Callable[..., tuple[Any, Any]]
-    arrays: Sequence[Any]
-    shapes: Callable[..., Sequence[tuple[int, ...]]] | None
-    still: tuple[str, ...] = ()
-    result: Callable[[Sequence[Any]], Any] = _first
+    __slots__ = ("arrays", "result", "run", "shapes", "still")
+
+    # No dataclass: what makes one takes longer to load than all of this.
+    def __init__(
+        self, run: Callable[..., tuple[Any, Any]], arrays: Sequence[Any],
+        shapes: Callable[..., Sequence[tuple[int, ...]]] | None, still: tuple[str, ...] = (),
+        result: Callable[[Sequence[Any]], Any] = _first,
+    ) -> None:
+        self.run, self.arrays, self.shapes, self.still, self.result = run, arrays, shapes, still, result
 
 
-@dataclass(slots=True)
 class Single(Step):
     """A step whose result is one array."""
+
+    __slots__ = ()
+
+
+def _plain(values: Any) -> Any:
+    """Indices or a mask as an array of numpy."""
+    import numpy as np
+
+    return np.asarray(values)
+
+
+def _broadcast(a: Any, b: Any) -> tuple[int, ...]:
+    """The shape of two arrays together."""
+    import numpy as np
+
+    return np.broadcast_shapes(a.shape, b.shape)
 
 
 def dressed(function: Any, describe: Callable[..., Step], module: str, returns: str, doc: str | None = None) -> Any:
     """A function with the name and the signature of its description."""
-    functools.update_wrapper(function, describe)
-    del function.__wrapped__
+    function.__name__ = function.__qualname__ = describe.__name__
     function.__module__, function.__doc__ = module, doc or describe.__doc__
-    function.__signature__ = inspect.signature(describe).replace(return_annotation=returns)
+    # Whose signature it is: the description's, but for what is returned.
+    given: Any = describe
+    signed = FunctionType(given.__code__, given.__globals__, given.__name__, given.__defaults__, given.__closure__)
+    signed.__kwdefaults__ = given.__kwdefaults__
+    signed.__annotations__ = {**given.__annotations__, "return": returns}
+    function.__wrapped__ = signed
     return function
 
 
@@ -77,12 +97,12 @@ def normalize(x: ArrayLike) -> Single:
 
 def dot(a: ArrayLike, b: ArrayLike) -> Single:
     """The inner products of vectors along the last axes, `[N, C]` and `[N, C]` or `[C]`: `[N]`. Gradients: of both."""
-    return Single(_native.dot, [a, b], lambda a, b: [np.broadcast_shapes(a.shape, b.shape)[:-1]])
+    return Single(_native.dot, [a, b], lambda a, b: [_broadcast(a, b)[:-1]])
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Single:
     """The cross products of vectors along the last axes, `[N, 3]` and `[N, 3]` or `[3]`. Gradients: of both."""
-    return Single(_native.cross, [a, b], lambda a, b: [np.broadcast_shapes(a.shape, b.shape)])
+    return Single(_native.cross, [a, b], lambda a, b: [_broadcast(a, b)])
 
 
 def matmul(a: ArrayLike, b: ArrayLike) -> Single:
@@ -92,8 +112,8 @@ def matmul(a: ArrayLike, b: ArrayLike) -> Single:
 
 def gather_rows(x: ArrayLike, rows: ArrayLike) -> Single:
     """The rows of `x` `[N, ..]` that `rows` `[R]` names, whole numbers: `[R, ..]`. Gradients: of x."""
-    rows = np.asarray(rows)
-    return Single(lambda x: _native.gather_rows(x, rows), [x], lambda x: [(*rows.shape, *x.shape[1:])])
+    named = _plain(rows)
+    return Single(lambda x: _native.gather_rows(x, named), [x], lambda x: [(*named.shape, *x.shape[1:])])
 
 
 def scatter_add_rows(x: ArrayLike, rows: ArrayLike, count: int) -> Single:
@@ -101,18 +121,18 @@ def scatter_add_rows(x: ArrayLike, rows: ArrayLike, count: int) -> Single:
 
     They are added in their order, so the bits do not depend on threads. Gradients: of x.
 
-    >>> import bokashi
+    >>> import bokashi, numpy as np
     >>> bokashi.scatter_add_rows(np.ones((3, 1)), np.array([0, 2, 2]), 3)[0].ravel()
     array([1., 0., 2.])
     """
-    rows = np.asarray(rows)
-    return Single(lambda x: _native.scatter_add_rows(x, rows, count), [x], lambda x: [(count, *x.shape[1:])])
+    named = _plain(rows)
+    return Single(lambda x: _native.scatter_add_rows(x, named, count), [x], lambda x: [(count, *x.shape[1:])])
 
 
 def sparse_product(x: ArrayLike, matrix: SparseMatrix) -> Single:
     """A `SparseMatrix` `[M, N]` times `x` `[N]` or `[N, C]`. Gradients: of x.
 
-    >>> import bokashi
+    >>> import bokashi, numpy as np
     >>> half = bokashi.SparseMatrix((1, 2), np.array([0, 0]), np.array([0, 1]), np.array([0.5, 0.5]))
     >>> bokashi.sparse_product(np.array([1.0, 3.0]), half)[0]
     array([2.])
@@ -154,11 +174,11 @@ def mean_error(
     denominator as it is). The mean is weighted by `weights`, or taken where a `mask` of bools is true: of the shape of the
     image or of its first axes. Gradients: of image, reference and weights.
 
-    >>> import bokashi
+    >>> import bokashi, numpy as np
     >>> float(bokashi.mean_error(np.array([1.0, 5.0]), np.zeros(2), penalty="absolute")[0])
     3.0
     """
-    where = None if mask is None else np.asarray(mask)
+    where = None if mask is None else _plain(mask)
 
     def run(image: Any, reference: Any, weights: Any) -> Any:
         return _native.mean_error(image, reference, weights, penalty, scale, where)
@@ -194,7 +214,7 @@ def depth_error(
     `alignment` is what may differ: "none", "scale", or "scale-and-shift", as in what networks say of one image.
     Gradients: of both.
     """
-    where = None if mask is None else np.asarray(mask)
+    where = None if mask is None else _plain(mask)
     return Single(lambda a, b: _native.depth_error(a, b, where, alignment), [depths, reference], _scalar)
 
 
@@ -222,7 +242,7 @@ def laplacian_error(positions: ArrayLike, laplacian: SparseMatrix) -> Single:
 
     The matrix is one of a `Topology`. Gradients: of positions `[V, C]`.
 
-    >>> import bokashi
+    >>> import bokashi, numpy as np
     >>> topology = bokashi.Topology(bokashi.Mesh(np.array([[0, 1, 2]]), 3))
     >>> float(bokashi.laplacian_error(np.ones((3, 3)), topology.uniform_laplacian())[0])
     0.0

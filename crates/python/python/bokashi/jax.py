@@ -458,7 +458,7 @@ def _sample(function, texels, coordinates, level, differentials, bias, filter, b
     coordinates, level, differentials, bias = (
         _array(value, texels) for value in (coordinates, level, differentials, bias)
     )
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(

@@ -381,7 +381,7 @@ def _sample(
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
