@@ -26,11 +26,13 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
+from . import (
+    Coverage, Fragments, RenderError, Texture, _detail, _levels, _native, _size, _surface, num_threads, set_num_threads,
+)
 from . import Mesh as _Mesh
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "affine_inverse", "antialias_image", "depth",
+    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "Texture", "affine_inverse", "antialias_image", "depth",
     "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye",
     "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
     "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
@@ -349,7 +351,7 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
 
 
 def _sample(
-    function: Callable, texels: Tensor, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
+    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
     bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
     mips: Sequence[Tensor] | None,
 ) -> Tensor:
@@ -357,16 +359,19 @@ def _sample(
     level, bias = _like(level, coordinates), _like(bias, coordinates)
     makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
+    still, own = _levels(texels, mips)
+
     def run(coordinates, level, differentials, bias, *levels):
         return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
+            still,
         )
 
-    return _only(run, coordinates, level, differentials, bias, texels, *(mips or ()))
+    return _only(run, coordinates, level, differentials, bias, *own)
 
 
 def sample_texture(
-    texels: Tensor, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
@@ -377,7 +382,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: Tensor, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
