@@ -8,8 +8,8 @@
 - **environment**: the light around a mirror ball, a cube map, and the highlight of a lamp after Phong.
 - **texture**: a sphere's texture from images far and near, with mipmaps.
 
-They are tasks that the samples of nvdiffrast have, too; these programs were written from the tasks. Truths are made up, so
-that errors are known. `--small` is for a first look. One thread each.
+They are tasks that the samples of nvdiffrast have, too; these programs were written from the tasks. Truths are made
+up, so that errors are known. `--small` is for a first look. One thread each.
 """
 
 from __future__ import annotations
@@ -215,7 +215,8 @@ def pose(steps, size=256, seed=0):
     for _ in range(guesses, steps):
         clock.step(descend)
     found = quaternion.detach()
-    print(f"pose, {size} px: off by {degrees(found):.4f} degrees ({degrees(best):.2f} after guesses), {clock}", flush=True)
+    after = degrees(best)
+    print(f"pose, {size} px: off by {degrees(found):.4f} degrees ({after:.2f} after guesses), {clock}", flush=True)
 
 
 def sphere(rings):

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
-    "SceneError", "Slope", "Texture", "View", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
-    "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit", "gaussian_blur",
-    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
-    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid",
-    "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents",
-    "transform_normals", "transform_points", "vertex_normals",
+    "SceneError", "Slope", "Texture", "View", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field",
+    "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit",
+    "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
+    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
+    "tangents", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -449,8 +449,8 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 
 def _sample(
-    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture, coordinates: NDArray[_T],
-    level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture,
+    coordinates: NDArray[_T], level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
     border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]

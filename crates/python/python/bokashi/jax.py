@@ -42,12 +42,12 @@ from . import (
 from . import Mesh as _Mesh
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "Texture", "affine_inverse", "antialias_image", "depth", "depth_of_field",
-    "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "gaussian_blur",
-    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
-    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid", "sample_cube_map",
-    "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents", "transform_normals",
-    "transform_points", "vertex_normals",
+    "Coverage", "Fragments", "Mesh", "RenderError", "Texture", "affine_inverse", "antialias_image", "depth",
+    "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye",
+    "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
+    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
+    "tangents", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 # An array, or what becomes one of the type of the others.

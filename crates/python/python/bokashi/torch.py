@@ -32,12 +32,12 @@ from . import (
 from . import Mesh as _Mesh
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "Texture", "affine_inverse", "antialias_image", "depth",
-    "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye",
-    "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
-    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
-    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
-    "tangents", "transform_normals", "transform_points", "vertex_normals",
+    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "Texture", "affine_inverse", "antialias_image",
+    "depth", "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals",
+    "fisheye", "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic",
+    "over", "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect",
+    "render", "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode",
+    "srgb_encode", "tangents", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -351,8 +351,8 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
 
 
 def _sample(
-    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
-    bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
+    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None,
+    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
     mips: Sequence[Tensor] | None,
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
