@@ -450,8 +450,8 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 def _sample(
     function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture,
-    coordinates: NDArray[_T], level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
-    border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
+    coordinates: NDArray[_T], level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None,
+    filter: str, border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)

@@ -352,8 +352,8 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
 
 def _sample(
     function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None,
-    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
-    mips: Sequence[Tensor] | None,
+    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None,
+    probes: int, mips: Sequence[Tensor] | None,
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
