@@ -89,8 +89,6 @@ macro_rules! sample {
             let sampler = Sampler { filter, borders, coarsest };
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
-            // A texture that stays has no gradient, as an array that was left out.
-            inputs.extend(still.map(|_| None));
             by_type!(&inputs, T => {
                 let still = still.map(Texture::of::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
                 record::<T>(py, &inputs, |tape, x| {

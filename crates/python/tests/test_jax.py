@@ -362,3 +362,16 @@ def test_what_is_refused_says_why(generator):
     with pytest.raises(ValueError, match="do not support JVP"):
         jax.grad(lambda bar: pull(bar)[0].sum())(jnp.ones(()))
     bj._kept.known.clear()
+
+
+def test_a_texture_that_stays_takes_the_place_of_texels(generator):
+    texels = generator.uniform(size=(8, 12, 2)).astype(np.float32)
+    uv = jnp.asarray(generator.uniform(size=(20, 2)).astype(np.float32))
+    still = bj.Texture(texels)
+
+    def loss(given):
+        return jax.jit(jax.value_and_grad(lambda uv: (bj.sample_texture(given, uv, level=0.4) ** 2).sum()))
+
+    (expected, slopes), (found, own) = loss(jnp.asarray(texels))(uv), loss(still)(uv)
+    assert expected == found and (slopes == own).all()
+    assert bj.sample_texture(texels, uv, mips=[], level=0.4).dtype == jnp.float32

@@ -408,9 +408,11 @@ def test_textures_without_a_gradient_keep_their_mipmaps_as_long_as_their_numbers
         assert torch.equal(sampled(tex), sampled(leaf(tex)).detach())
     mip = dr.texture_construct_mip(tex)
     assert torch.equal(sampled(tex, mip=mip), sampled(tex))
-    of_uv = leaf(uv)
-    dr.texture(tex, of_uv, uv_da).sum().backward()
-    assert of_uv.grad.abs().sum() > 0
+    for options in ({}, {"mip": mip}):
+        of_uv, expected = leaf(uv), leaf(uv)
+        dr.texture(tex, of_uv, uv_da, **options).square().sum().backward()
+        dr.texture(leaf(tex), expected, uv_da, **options).square().sum().backward()
+        assert of_uv.grad.abs().sum() > 0 and torch.equal(of_uv.grad, expected.grad)
     each = torch.cat([tex, 1 - tex])
     assert torch.equal(sampled(each)[1], sampled(1 - tex)[1])
     with pytest.raises(dr.RenderError, match="mip needs a filter_mode with mipmaps"):

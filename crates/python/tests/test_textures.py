@@ -28,8 +28,8 @@ def test_a_texture_that_stays_is_sampled_to_the_same_bits(generator, dtype):
         found, pull_back = bokashi.sample_texture(texture, uv, **options)
         assert found.tobytes() == expected.tobytes()
         bar = generator.normal(size=found.shape).astype(dtype)
-        *bars, of_texture = pull_back(bar)
-        assert of_texture is None
+        bars = pull_back(bar)
+        assert len(bars) == 4
         for own, other in zip(bars, expected_pull(bar)):
             assert (own is None) == (other is None) and (own is None or own.tobytes() == other.tobytes())
     expected, _ = bokashi.sample_cube_map(cube, towards, level=0.7)

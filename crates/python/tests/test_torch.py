@@ -238,3 +238,21 @@ def test_tensors_that_are_not_contiguous_are_read_as_they_are(generator):
     clip = torch.from_numpy(clip)
     colors = torch.from_numpy(generator.uniform(size=(3, 7))).T
     assert torch.equal(bt.render(clip, mesh, colors, 8), bt.render(clip, mesh, colors.contiguous(), 8))
+
+
+def test_a_texture_that_stays_takes_the_place_of_texels(generator):
+    texels = torch.from_numpy(generator.uniform(size=(8, 12, 2)))
+    cube = torch.from_numpy(generator.uniform(size=(6, 4, 4, 1)))
+    uv = torch.from_numpy(generator.uniform(size=(20, 2))).requires_grad_()
+    towards = torch.from_numpy(generator.normal(size=(20, 3))).requires_grad_()
+    for function, own, places in ((bt.sample_texture, texels, uv), (bt.sample_cube_map, cube, towards)):
+        still = bt.Texture(own.numpy())
+        for options in ({}, {"level": 0.4}):
+            expected, found = (function(given, places, **options) for given in (own, still))
+            assert torch.equal(found, expected)
+            one, other = (torch.autograd.grad(out.square().sum(), places)[0] for out in (expected, found))
+            assert torch.equal(one, other)
+    with pytest.raises(bt.RenderError, match="levels of its own"):
+        bt.sample_texture(still, uv, level=0.4, mips=[texels])
+    with pytest.raises(bt.RenderError, match="needs a level or differentials"):
+        bt.sample_texture(texels, uv, mips=bt.mipmaps(texels))

@@ -45,3 +45,20 @@ impl<E> Workbench<Vec<E>> {
         self.lock().iter().map(|list| size_of_val(&list[..])).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bytes_are_those_of_all_lists_that_are_kept() {
+        let bench = Workbench::<Vec<f32>>::default();
+        assert_eq!(bench.bytes(), 0);
+        bench.with(|first| {
+            first.resize(3, 1.0);
+            bench.with(|second| second.resize(5, 1.0));
+            assert_eq!(bench.bytes(), 20);
+        });
+        assert_eq!(bench.bytes(), 32);
+    }
+}

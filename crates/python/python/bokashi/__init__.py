@@ -119,6 +119,15 @@ def _detail(level: Any, differentials: Any, bias: Any, mips: Any) -> bool:
     return level is not None or differentials is not None
 
 
+def _levels(texels: Any, mips: Any) -> tuple[Texture | None, list[Any]]:
+    """A texture that stays, or the levels that were given."""
+    if not isinstance(texels, Texture):
+        return None, [texels, *(mips or ())]
+    if mips:
+        raise RenderError("a Texture has levels of its own, and a sample of it was given mips")
+    return texels, []
+
+
 def _like(value: ArrayLike | Dual, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
     if isinstance(value, type(array)):
@@ -375,18 +384,15 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 
 def _sample(
-    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture, coordinates: NDArray[_T],
-    level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
-    border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture,
+    coordinates: NDArray[_T], level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None,
+    filter: str, border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
     makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
-    still = texels if isinstance(texels, Texture) else None
-    if still is not None and mips:
-        raise RenderError("a Texture has levels of its own, and a sample of it was given mips")
-    levels = [] if still is not None else [texels, *(mips or ())]
+    still, levels = _levels(texels, mips)
     return _only(
         function(
             coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps, still
@@ -407,7 +413,7 @@ def sample_texture(
     `border` "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own.
     Gradients: of coordinates, level, differentials, bias, texels and mips.
 
-    Mipmaps of an array are made in each call. Those of a `Texture`, which has no gradient, were made with it.
+    Mipmaps of an array are made in each call. Those of a `Texture` were made with it; then gradients end with the bias.
 
     >>> import numpy as np
     >>> texture = Texture(np.arange(16.0).reshape(4, 4, 1))

@@ -37,8 +37,8 @@ from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
 from . import (
-    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Topology, _detail,
-    _native, _operations, num_threads, set_num_threads,
+    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
+    _detail, _levels, _native, _operations, num_threads, set_num_threads,
 )
 from . import Mesh as _Mesh
 from ._given import size_of, surface_of
@@ -46,7 +46,7 @@ from ._operations import Single, Step, dressed
 
 __all__ = [
     "Coverage", "Environment", "Fragments", "LensLayer", "Mesh", "Prefilter", "RenderError", "Rigidity",
-    "SparseMatrix", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
+    "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
     "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
     "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "gather_rows",
     "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance", "laplacian_error",
@@ -454,26 +454,27 @@ def mipmaps(texels: Array, coarsest: int | None = None) -> tuple[Array, ...]:
 
 def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
     borders = (border, border) if isinstance(border, str) else tuple(border)
-    texels = _array(texels)
-    coordinates, level, differentials, bias = (
-        _array(value, texels) for value in (coordinates, level, differentials, bias)
-    )
+    still, levels = _levels(texels, mips)
+    finest = _array(levels[0]) if levels else None
+    levels = [_array(values, finest) for values in levels]
+    coordinates = _array(coordinates, finest)
+    level, differentials, bias = (_array(value, coordinates) for value in (level, differentials, bias))
     makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
+            still,
         )
 
     def shape(*x):
-        return x[0].shape[0], x[4].shape[-1]
+        return x[0].shape[0], still.shape[-1] if still else x[4].shape[-1]
 
-    mips = [_array(values, texels) for values in mips or ()]
-    return _only(run, shape, coordinates, level, differentials, bias, texels, *mips)
+    return _only(run, shape, coordinates, level, differentials, bias, *levels)
 
 
 def sample_texture(
-    texels: Array, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
+    texels: Array | Texture, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
     bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[Array] | None = None,
 ) -> Array:
@@ -484,7 +485,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: Array, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
+    texels: Array | Texture, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
     bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[Array] | None = None,
 ) -> Array:

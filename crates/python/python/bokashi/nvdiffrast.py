@@ -462,7 +462,7 @@ class _Texture(torch.autograd.Function):
         call = _native.sample_cube_map if is_cube else _native.sample_texture
         images, height, width, axes = coordinates.shape
         ctx.pulls, ctx.shapes = [], [array.shape for array in texels]
-        stays = not any(level.requires_grad for level in levels)
+        ctx.stays = stays = not any(level.requires_grad for level in levels)
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
@@ -503,7 +503,8 @@ class _Texture(torch.autograd.Function):
         for k, (pull, nowhere) in enumerate(ctx.pulls):
             bar = _to_array(out_bar[k]).reshape(height * width, channels)
             wanted = (
-                wants_uv, wants_level and not has_da, wants_da, wants_level and has_da, *wants_texels,
+                wants_uv, wants_level and not has_da, wants_da, wants_level and has_da,
+                *(() if ctx.stays else wants_texels),
             )
             uv_bar, level_bar, da_bar, bias_bar, *more = pull(bar, wanted=wanted)
             axes = ctx.axes

@@ -28,8 +28,8 @@ from torch.autograd.forward_ad import unpack_dual
 from torch.autograd.function import once_differentiable
 
 from . import (
-    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Topology, _detail,
-    _native, _operations, num_threads, set_num_threads,
+    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
+    _detail, _levels, _native, _operations, num_threads, set_num_threads,
 )
 from . import Mesh as _Mesh
 from ._dual import Dual
@@ -38,7 +38,7 @@ from ._operations import Single, Step, dressed
 
 __all__ = [
     "Coverage", "Environment", "Fragments", "LensLayer", "Mesh", "Prefilter", "RenderError", "Renderer", "Rigidity",
-    "SparseMatrix", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
+    "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
     "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
     "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "gather_rows",
     "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance", "laplacian_error",
@@ -375,24 +375,27 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
 
 
 def _sample(
-    function: Callable, texels: Tensor, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
-    bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
-    mips: Sequence[Tensor] | None,
+    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None,
+    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None,
+    probes: int, mips: Sequence[Tensor] | None,
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
     makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
+    still, own = _levels(texels, mips)
+
     def run(coordinates, level, differentials, bias, *levels):
         return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
+            still,
         )
 
-    return _only(run, coordinates, level, differentials, bias, texels, *(mips or ()))
+    return _only(run, coordinates, level, differentials, bias, *own)
 
 
 def sample_texture(
-    texels: Tensor, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
@@ -403,7 +406,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: Tensor, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
