@@ -98,13 +98,14 @@ const COMPOSITIONS: [&str; 10] = [
 ];
 
 /// What is made of operations that have benchmarks.
-const COMPOSED: [&str; 6] = [
+const COMPOSED: [&str; 7] = [
     "blurred_pictures",
     "compositions",
     "environment",
     "exact_coverage",
     "pipeline",
     "still_fragments",
+    "still_textures",
 ];
 
 #[test]

@@ -11,16 +11,7 @@ use crate::step::{Recorded, record};
 
 /// A matrix `[4, 4]` that stays as it is.
 fn matrix(array: &Array<'_>) -> PyResult<DMat4> {
-    let (shape, entries): (&[usize], Vec<f64>) = match array {
-        Array::Single(_) => {
-            let (shape, entries) = array.view::<f32>()?;
-            (shape, entries.iter().map(|&entry| f64::from(entry)).collect())
-        }
-        Array::Double(_) => {
-            let (shape, entries) = array.view::<f64>()?;
-            (shape, entries.to_vec())
-        }
-    };
+    let (shape, entries) = array.constant()?;
     if shape != [4, 4] {
         return Err(PyValueError::new_err(format!("a matrix needs shape [4, 4], got {shape:?}")));
     }
@@ -31,7 +22,8 @@ fn matrix(array: &Array<'_>) -> PyResult<DMat4> {
 #[pyfunction]
 pub fn se3<'py>(py: Python<'py>, increment: Array<'py>, fixed: Array<'py>) -> Recorded<'py> {
     let fixed = matrix(&fixed)?;
-    by_type!(increment, T => record::<T>(py, &[Some(&increment)], |_, x| {
+    let inputs = [Some(&increment)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(increment)] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::se3(increment, &fixed)?])
     }))
@@ -49,7 +41,8 @@ macro_rules! projections {
             near: f64,
             far: f64,
         ) -> Recorded<'py> {
-            by_type!(intrinsics, T => record::<T>(py, &[Some(&intrinsics)], |_, x| {
+            let inputs = [Some(&intrinsics)];
+            by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
                 let [Some(intrinsics)] = x[..] else { unreachable!("they are required") };
                 Ok(smallvec![ops::$name(intrinsics, Size { width, height }, near, far)?])
             }))

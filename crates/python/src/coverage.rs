@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use bokashi_render_ops::{self as ops, Cull, Size};
 use numpy::{
-    PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Number, by_type, to_array};
+use crate::array::{Array, Number, by_type};
 use crate::error::Refusal;
 use crate::mesh::Mesh;
 
@@ -34,13 +34,22 @@ pub fn cull(word: &str) -> PyResult<Cull> {
     }
 }
 
+/// Entries of a shape as an array.
+fn to_array<'py, T: Number>(
+    py: Python<'py>,
+    shape: &[usize],
+    entries: Vec<T>,
+) -> PyResult<Bound<'py, PyAny>> {
+    T::to_array(py, bokashi_core::Tensor::new(shape, entries).map_err(Refusal::from)?)
+}
+
 impl Coverage {
     /// Rows `[N, ..]` of fragments at pixel centres on the pixels of an image of zeros, or back.
     fn scattered<'py, T: Number>(
         &self,
         py: Python<'py>,
         values: &Array<'py>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (shape, values) = values.view::<T>()?;
         let (&[count, ref rest @ ..], Size { height, width }) = (shape, self.0.size()) else {
             return Err(PyValueError::new_err("scatter needs rows of fragments, got a scalar"));
@@ -55,15 +64,15 @@ impl Coverage {
         let shape: SmallVec<[usize; 4]> =
             [height, width].into_iter().chain(rest.iter().copied()).collect();
         let mut image = vec![T::ZERO; height * width * columns];
-        self.0.scatter(values, columns, &mut image);
-        PyArray1::from_vec(py, image).reshape(&shape[..])
+        self.0.scatter(&values, columns, &mut image);
+        to_array(py, &shape, image)
     }
 
     fn gathered<'py, T: Number>(
         &self,
         py: Python<'py>,
         image: &Array<'py>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (shape, image) = image.view::<T>()?;
         let Size { height, width } = self.0.size();
         let rest = match *shape {
@@ -79,8 +88,8 @@ impl Coverage {
         let shape: SmallVec<[usize; 4]> =
             std::iter::once(self.0.count()).chain(rest.iter().copied()).collect();
         let mut values = vec![T::ZERO; self.0.count() * columns];
-        self.0.gather(image, columns, &mut values);
-        to_array(py, bokashi_core::Tensor::new(&shape[..], values).map_err(Refusal::from)?)
+        self.0.gather(&image, columns, &mut values);
+        to_array(py, &shape, values)
     }
 }
 
@@ -95,7 +104,7 @@ impl Coverage {
         barycentrics: &Array<'py>,
         depths: &Array<'py>,
         first_face: usize,
-    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (uv, depths) = (barycentrics.view::<T>()?.1, depths.view::<T>()?.1);
         let count = self.0.count();
         if [uv.len(), depths.len()] != [2 * count, count] {
@@ -116,7 +125,7 @@ impl Coverage {
                 *pixel = [u, v, depth, id];
             }
         }
-        PyArray1::from_vec(py, image).reshape(&[height, width, COLUMNS][..])
+        to_array(py, &[height, width, COLUMNS], image)
     }
 }
 
@@ -132,18 +141,19 @@ impl Coverage {
         depths: Array<'py>,
         first_face: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
-        by_type!(depths, T => Ok(self.densely::<T>(py, &barycentrics, &depths, first_face)?.into_any()))
+        by_type!(&[Some(&barycentrics), Some(&depths)], T => self.densely::<T>(py, &barycentrics, &depths, first_face))
     }
 
     /// The coverage of an image `[H, W]` of triangle ids: the index of the face that a pixel sees plus 1, or 0. With clip
-    /// positions `[V, 4]` it knows silhouettes.
+    /// positions `[V, 4]`, or with `orientations` of another coverage, it knows silhouettes.
     #[staticmethod]
-    #[pyo3(signature = (mesh, ids, clip=None, cull="none"))]
+    #[pyo3(signature = (mesh, ids, clip=None, cull="none", orientations=None))]
     fn from_ids(
         mesh: &Mesh,
         ids: PyReadonlyArrayDyn<'_, u32>,
         clip: Option<Array<'_>>,
         cull: &str,
+        orientations: Option<PyReadonlyArray1<'_, i8>>,
     ) -> PyResult<Self> {
         let &[height, width] = ids.shape() else {
             return Err(PyValueError::new_err(format!(
@@ -155,13 +165,34 @@ impl Coverage {
         let of = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
         let mut coverage = of.map_err(Refusal::from)?;
         if let Some(clip) = clip {
-            coverage = by_type!(clip, T => {
+            coverage = by_type!(&[Some(&clip)], T => {
                 let (shape, entries) = clip.view::<T>()?;
                 let clip = bokashi_core::Tensor::new(shape, entries.to_vec()).map_err(Refusal::from)?;
                 coverage.with_orientations(&clip, cull).map_err(Refusal::from)?
             });
         }
+        if let Some(orientations) = orientations {
+            let known = orientations.as_slice()?;
+            coverage = coverage.with_known_orientations(known).map_err(Refusal::from)?;
+        }
         Ok(Self(Arc::new(coverage)))
+    }
+
+    /// Which way each face turns as it is seen, `[F]`, `int8`: 1 for counter-clockwise, -1 for clockwise, 0 for neither or a
+    /// side that is not drawn. `None` where nobody knows.
+    #[getter]
+    fn orientations<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<i8>>> {
+        self.0.orientations().map(|known| PyArray1::from_slice(py, known))
+    }
+
+    /// It stays as it is: the same.
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf
+    }
+
+    /// It stays as it is: the same.
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _known: Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
     }
 
     /// The number of fragments.
@@ -208,12 +239,12 @@ impl Coverage {
 
     /// An image `[H, W, ..]` with the rows `[N, ..]` of fragments at pixel centres, and zeros.
     fn scatter<'py>(&self, py: Python<'py>, values: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
-        by_type!(values, T => Ok(self.scattered::<T>(py, &values)?.into_any()))
+        by_type!(&[Some(&values)], T => self.scattered::<T>(py, &values))
     }
 
     /// The rows `[N, ..]` of fragments at pixel centres from an image `[H, W, ..]`; zeros for pieces.
     fn gather<'py>(&self, py: Python<'py>, image: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
-        by_type!(image, T => Ok(self.gathered::<T>(py, &image)?.into_any()))
+        by_type!(&[Some(&image)], T => self.gathered::<T>(py, &image))
     }
 
     fn __repr__(&self) -> String {

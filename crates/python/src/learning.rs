@@ -1,18 +1,19 @@
 //! Fits of functions that are written in Python.
 
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Tape, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Pipeline, Rules, Schedule, Stepped,
     Stop, Variables, after_step,
 };
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 
-use crate::array::{Array, Number, to_array};
+use crate::array::{Array, Number};
 use crate::error::Refusal;
 
 /// A fit of either type of numbers.
@@ -23,7 +24,12 @@ enum Kind {
 
 /// A fit of a Python function's parameters.
 #[pyclass(frozen, module = "bokashi")]
-pub struct Learning(Mutex<Kind>);
+pub struct Learning {
+    /// Not here while a step is under way: Python runs in it, and may ask for anything.
+    fit: Mutex<Option<Kind>>,
+    steps: u64,
+    done: AtomicU64,
+}
 
 /// A loss that Python told, and its gradients. Inputs: the parameters. Output: `[]`.
 struct GivenLoss<T> {
@@ -77,7 +83,7 @@ impl Function<'_> {
         let parameters = PyDict::new(self.py);
         for name in &self.names {
             let value = variables.get(name).map_err(Refusal::from)?.value();
-            parameters.set_item(name, to_array(self.py, value)?)?;
+            parameters.set_item(name, T::to_array(self.py, value)?)?;
         }
         let (loss, told): (f64, Bound<'_, PyDict>) =
             self.function.call1((parameters,))?.extract()?;
@@ -137,8 +143,8 @@ impl<T: Number> Pipeline<T> for Function<'_> {
     }
 }
 
-/// A step: its number, the loss before its update and the milliseconds it took; or why there is none.
-type Advanced = Result<(u64, f64, f64), &'static str>;
+/// The loss before a step's update and the milliseconds that the step took; or why there is none.
+type Advanced = Result<(f64, f64), &'static str>;
 
 fn advance<T: Number>(
     fit: &mut Fit<T>,
@@ -149,7 +155,7 @@ fn advance<T: Number>(
     let mut pipeline = Function { py, function: function.clone(), names, raised: None };
     let mut done = None;
     let mut listener = after_step(|stepped: &Stepped| {
-        done = Some((stepped.step, stepped.loss, stepped.ms));
+        done = Some((stepped.loss, stepped.ms));
         ControlFlow::Continue(())
     });
     let rules = Rules { steps: Some(fit.steps_done() + 1), ..Rules::default() };
@@ -186,21 +192,51 @@ fn parameters<T: Number>(given: &[Given<'_>]) -> PyResult<Parameters<T>> {
     let mut parameters = Parameters::new();
     for (name, value, rate, word) in given {
         let (shape, entries) = value.view::<T>()?;
-        let value = bokashi_core::Tensor::new(shape, entries.to_vec()).map_err(Refusal::from)?;
+        let value = Tensor::new(shape, entries.to_vec()).map_err(Refusal::from)?;
         let parameter = Parameter::new(name, value).rate(*rate).mapping(mapping(word)?);
         parameters = parameters.with(parameter).map_err(Refusal::from)?;
     }
     Ok(parameters)
 }
 
-/// The same for either type of numbers.
-macro_rules! each_kind {
-    ($learning:expr, $fit:ident => $body:expr) => {
-        match &mut *$learning.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kind::Single($fit) => $body,
-            Kind::Double($fit) => $body,
+/// The fit, taken out for a step; put back whatever happens.
+struct Taken<'a> {
+    from: &'a Learning,
+    kind: Option<Kind>,
+}
+
+impl<'a> Taken<'a> {
+    fn new(from: &'a Learning) -> PyResult<Self> {
+        let kind = from.fit.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if kind.is_none() {
+            return Err(PyRuntimeError::new_err(
+                "a fit does one step at a time, and was called from its own pipeline or another thread",
+            ));
         }
-    };
+        Ok(Self { from, kind })
+    }
+}
+
+impl Drop for Taken<'_> {
+    fn drop(&mut self) {
+        *self.from.fit.lock().unwrap_or_else(PoisonError::into_inner) = self.kind.take();
+    }
+}
+
+/// What is learnt, by name.
+fn learnt<T: Number>(fit: &Fit<T>) -> Vec<(String, Tensor<T>)> {
+    fit.parameters().iter().map(|of| (of.name().to_owned(), of.value())).collect()
+}
+
+fn to_dict<T: Number>(
+    py: Python<'_>,
+    learnt: Vec<(String, Tensor<T>)>,
+) -> PyResult<Bound<'_, PyDict>> {
+    let parameters = PyDict::new(py);
+    for (name, value) in learnt {
+        parameters.set_item(name, T::to_array(py, value)?)?;
+    }
+    Ok(parameters)
 }
 
 #[pymethods]
@@ -229,42 +265,65 @@ impl Learning {
             Array::Double(_) => Kind::Double(Box::new(
                 Fit::new(self::parameters(&parameters)?, settings).map_err(Refusal::from)?,
             )),
+            Array::Dual(_) => {
+                return Err(PyTypeError::new_err("a fit learns plain numbers, got tangents"));
+            }
         };
-        Ok(Self(Mutex::new(kind)))
+        Ok(Self { fit: Mutex::new(Some(kind)), steps, done: AtomicU64::new(0) })
     }
 
-    /// Does a step of `function`, which takes a dictionary of arrays and returns a loss and a dictionary of gradients: the
-    /// step's number, the loss before its update and the milliseconds it took; or in words why there is none.
+    /// Does a step of `function`, which takes a dictionary of arrays and returns a loss and a dictionary of gradients. The
+    /// loss before its update and the milliseconds it took come to the end of the lists: before any signal is seen.
+    /// Returns in words why there is no step, or `None`.
     fn step<'py>(
         &self,
         py: Python<'py>,
         function: Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        match each_kind!(self, fit => advance(fit, py, &function))? {
-            Ok(done) => Ok(done.into_pyobject(py)?.into_any()),
-            Err(stop) => Ok(stop.into_pyobject(py)?.into_any()),
-        }
+        losses: &Bound<'py, PyList>,
+        milliseconds: &Bound<'py, PyList>,
+    ) -> PyResult<Option<&'static str>> {
+        let mut taken = Taken::new(self)?;
+        let (advanced, done) = match taken.kind.as_mut().expect("it was just taken") {
+            Kind::Single(fit) => (advance(fit, py, &function)?, fit.steps_done()),
+            Kind::Double(fit) => (advance(fit, py, &function)?, fit.steps_done()),
+        };
+        self.done.store(done, Ordering::Relaxed);
+        let (loss, ms) = match advanced {
+            Ok(done) => done,
+            Err(stop) => return Ok(Some(stop)),
+        };
+        losses.append(loss)?;
+        milliseconds.append(ms)?;
+        Ok(None)
     }
 
     /// How many steps there are.
     #[getter]
     fn steps(&self) -> u64 {
-        each_kind!(self, fit => fit.settings().steps)
+        self.steps
     }
 
     /// How many steps are done.
     #[getter]
     fn steps_done(&self) -> u64 {
-        each_kind!(self, fit => fit.steps_done())
+        self.done.load(Ordering::Relaxed)
     }
 
-    /// What is learnt, by name.
+    /// What is learnt, by name. Not to be had while a step is under way: its function is given it.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let parameters = PyDict::new(py);
-        each_kind!(self, fit => for parameter in fit.parameters().iter() {
-            parameters.set_item(parameter.name(), to_array(py, parameter.value())?)?;
-        });
-        Ok(parameters)
+        // Arrays are made when the lock is free again: Python may run there, and other threads of it.
+        let (single, double) = match &*self.fit.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(Kind::Single(fit)) => (Some(learnt(fit)), None),
+            Some(Kind::Double(fit)) => (None, Some(learnt(fit))),
+            None => (None, None),
+        };
+        match (single, double) {
+            (Some(learnt), _) => to_dict(py, learnt),
+            (_, Some(learnt)) => to_dict(py, learnt),
+            _ => Err(PyRuntimeError::new_err(
+                "parameters can be had between two steps, and a step is under way",
+            )),
+        }
     }
 }

@@ -6,16 +6,24 @@
 
 mod array;
 mod cameras;
+mod casts;
 mod coverage;
+mod environment;
 mod error;
+mod fragments;
+mod layers;
 mod learning;
 mod light;
+mod losses;
+mod materials;
 mod mesh;
 mod operations;
+mod page;
 mod pull_back;
 mod rendering;
 mod scene;
 mod step;
+mod tensors;
 mod texture;
 mod threads;
 
@@ -28,11 +36,21 @@ mod _native {
     #[pymodule_export]
     use super::coverage::Coverage;
     #[pymodule_export]
+    use super::environment::{Prefilter, irradiance, prefiltered, shade_in_environment};
+    #[pymodule_export]
     use super::error::{RenderError, SceneError};
+    #[pymodule_export]
+    use super::layers::{composite_layers, depth_layers, lens_picture};
     #[pymodule_export]
     use super::learning::Learning;
     #[pymodule_export]
     use super::light::{depth_of_field, shade, tangents};
+    #[pymodule_export]
+    use super::losses::{
+        Rigidity, Topology, depth_error, edge_length_error, halved, laplacian_error, mean_error,
+        multiscale_ssim_error, normal_error, rigid_error, silhouette_error, ssim_error,
+        total_variation,
+    };
     #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]
@@ -42,16 +60,23 @@ mod _native {
         transform_normals, transform_points, vertex_normals,
     };
     #[pymodule_export]
+    use super::page::{learning_page, mesh_page};
+    #[pymodule_export]
     use super::pull_back::PullBack;
     #[pymodule_export]
     use super::rendering::{
-        antialias_image, depth, differentials, eye_depth, interpolate, interpolate_differentials,
-        picture, rasterize, render,
+        antialias_image, depth, differentials, eye_depth, eye_depth_slope, interpolate,
+        interpolate_differentials, picture, rasterize, render,
     };
     #[pymodule_export]
     use super::scene::{Scene, SceneFit, encode_png};
     #[pymodule_export]
-    use super::texture::{mipmaps, sample_cube_map, sample_texture};
+    use super::tensors::{
+        Sparse, cross, dot, gather_rows, matmul, norm, normalize, scatter_add_rows, sigmoid,
+        softplus, sparse_product, squared_error,
+    };
+    #[pymodule_export]
+    use super::texture::{Texture, mipmaps, sample_cube_map, sample_texture};
     #[pymodule_export]
     use super::threads::{num_threads, set_num_threads};
 }

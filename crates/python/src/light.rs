@@ -1,13 +1,14 @@
 //! Light on surfaces, and lenses.
 
 use bokashi_render_ops::{
-    self as ops, DepthImage, Iris, Lens, LensOptions, Light, Material, Radius, Surface,
+    self as ops, DepthImage, Iris, Lens, LensOptions, Light, Radius, Surface,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smallvec::smallvec;
 
 use crate::array::{Array, by_type};
+use crate::materials::{check_material, material_of};
 use crate::mesh::Mesh;
 use crate::step::{Recorded, record};
 
@@ -17,18 +18,7 @@ type GivenLight<'py> = (String, Array<'py>, Option<Array<'py>>);
 /// # Errors
 /// `ValueError` for another model or kind of light, and where either has other arrays than it needs.
 fn check(model: &str, material: &[Array<'_>], lights: &[GivenLight<'_>]) -> PyResult<()> {
-    let numbers = if model == "lambert" { 1 } else { 3 };
-    if material.len() != numbers {
-        let given = material.len();
-        return Err(PyValueError::new_err(format!(
-            "material {model} needs {numbers} arrays, got {given}"
-        )));
-    }
-    if !["metallic-roughness", "lambert", "phong", "blinn-phong"].contains(&model) {
-        return Err(PyValueError::new_err(format!(
-            "a material needs to be metallic-roughness, lambert, phong or blinn-phong, got {model:?}"
-        )));
-    }
+    check_material(model, material.len())?;
     for (kind, _, second) in lights {
         let expected = match &**kind {
             "directional" | "point" => true,
@@ -66,22 +56,12 @@ pub fn shade<'py>(
     let mut inputs = vec![Some(&normals), Some(&views), positions.as_ref()];
     inputs.extend((0..3).map(|k| material.get(k)));
     inputs.extend(lights.iter().flat_map(|(_, first, second)| [Some(first), second.as_ref()]));
-    by_type!(normals, T => record::<T>(py, &inputs, |_, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(normals), Some(views), positions, Some(color), second, third, ..] = x[..] else {
             unreachable!("they are required")
         };
+        let material = material_of(model, [Some(color), second, third], conserves_energy);
         let of = |number: Option<_>| number.expect("it was counted");
-        let material = match model {
-            "lambert" => Material::Lambert { color },
-            "phong" => Material::Phong { color, specular: of(second), exponent: of(third) },
-            "blinn-phong" => Material::BlinnPhong { color, specular: of(second), exponent: of(third) },
-            _ => Material::MetallicRoughness {
-                base_color: color,
-                roughness: of(second),
-                metallic: of(third),
-                conserves_energy,
-            },
-        };
         let of_lights = kinds.iter().zip(x[6..].chunks(2)).map(|(&kind, numbers)| {
             let first = of(numbers[0]);
             match kind {
@@ -116,7 +96,7 @@ pub fn depth_of_field<'py>(
     });
     let options = LensOptions { radius: Radius::Tolerance(tolerance), largest_sigma, iris };
     let inputs = [Some(&image), Some(&distances), Some(&aperture), Some(&focus)];
-    by_type!(image, T => record::<T>(py, &inputs, |_, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(image), Some(distances), Some(aperture), Some(focus)] = x[..] else {
             unreachable!("they are required")
         };
@@ -137,7 +117,7 @@ pub fn tangents<'py>(
     coordinates_mesh: Option<&Mesh>,
 ) -> Recorded<'py> {
     let inputs = [Some(&positions), Some(&normals), Some(&coordinates)];
-    by_type!(positions, T => record::<T>(py, &inputs, |_, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(positions), Some(normals), Some(coordinates)] = x[..] else {
             unreachable!("they are required")
         };

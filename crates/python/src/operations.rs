@@ -32,7 +32,7 @@ pub fn project<'py>(
     translation: Option<Array<'py>>,
 ) -> Recorded<'py> {
     let inputs = [Some(&positions), Some(&camera), rotation.as_ref(), translation.as_ref()];
-    by_type!(positions, T => record::<T>(py, &inputs, |tape, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |tape, x| {
         let zero = || bokashi_core::Tensor::zeros([3]);
         let unit = || bokashi_core::Tensor::from([0.0, 0.0, 0.0, 1.0]).cast::<T>();
         let pose = (x[2].is_some() || x[3].is_some()).then(|| Pose {
@@ -58,7 +58,8 @@ pub fn gaussian_blur<'py>(
     let kernel: Kernel = kernel.parse().map_err(Refusal::from)?;
     let radius = radius.map_or(Radius::Tolerance(tolerance), Radius::Fixed);
     let blur = Blur { kernel, border: self::border(border)?, radius };
-    by_type!(image, T => record::<T>(py, &[Some(&image), Some(&sigma)], |_, x| {
+    let inputs = [Some(&image), Some(&sigma)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(image), Some(sigma)] = x[..] else { unreachable!("they are required") };
         Ok(smallvec![ops::gaussian_blur(image, sigma, &blur)?])
     }))
@@ -66,7 +67,8 @@ pub fn gaussian_blur<'py>(
 
 #[pyfunction]
 pub fn downsample<'py>(py: Python<'py>, image: Array<'py>, factor: usize) -> Recorded<'py> {
-    by_type!(image, T => record::<T>(py, &[Some(&image)], |_, x| {
+    let inputs = [Some(&image)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(image)] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::downsample(image, factor, &Filter::Box, Border::Mirror)?])
     }))
@@ -74,7 +76,8 @@ pub fn downsample<'py>(py: Python<'py>, image: Array<'py>, factor: usize) -> Rec
 
 #[pyfunction]
 pub fn face_normals<'py>(py: Python<'py>, positions: Array<'py>, mesh: &Mesh) -> Recorded<'py> {
-    by_type!(positions, T => record::<T>(py, &[Some(&positions)], |_, x| {
+    let inputs = [Some(&positions)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(positions)] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::face_normals(positions, &mesh.0)?])
     }))
@@ -96,7 +99,8 @@ pub fn vertex_normals<'py>(
             return Err(PyValueError::new_err(message));
         }
     };
-    by_type!(positions, T => record::<T>(py, &[Some(&positions)], |_, x| {
+    let inputs = [Some(&positions)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(positions)] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::vertex_normals(positions, &mesh.0, weighting)?])
     }))
@@ -108,8 +112,7 @@ macro_rules! of_arrays {
         #[pyfunction]
         pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
             let inputs = [$(Some(&$input)),+];
-            let first: &Array<'_> = inputs[0].expect("it was just put there");
-            by_type!(*first, T => record::<T>(py, &inputs, |_, x| {
+            by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
                 let [$(Some($input)),+] = x[..] else { unreachable!("they are required") };
                 Ok(smallvec![ops::$name($($input),+)?])
             }))

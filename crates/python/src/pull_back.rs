@@ -1,5 +1,6 @@
 //! From the gradients of a step's outputs to those of its inputs.
 
+use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
 
 use bokashi_core::{InputGradients, Recording, Tensor};
@@ -8,9 +9,36 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Kind, Number, to_array};
+use crate::array::{Array, Kind, Number};
 use crate::error::Refusal;
 use crate::threads::released;
+
+/// The gradient of an output: an array, or a number where the output is one.
+enum Upstream<'py> {
+    Array(Array<'py>),
+    Number(f64),
+}
+
+impl<'py> FromPyObject<'_, 'py> for Upstream<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        match object.extract() {
+            Ok(array) => Ok(Self::Array(array)),
+            Err(error) => object.extract().map(Self::Number).map_err(|_| error),
+        }
+    }
+}
+
+impl Upstream<'_> {
+    /// The shape and the numbers.
+    fn view<T: Number>(&self) -> PyResult<(&[usize], Cow<'_, [T]>)> {
+        match self {
+            Self::Array(array) => array.view(),
+            Self::Number(number) => Ok((&[], vec![T::from_f64(*number)].into())),
+        }
+    }
+}
 
 /// A recorded step, to be pulled back: called with a gradient, or `None`, for each output, it returns a gradient, or
 /// `None`, for each array that the step was given. It can be called as often as one likes.
@@ -32,12 +60,12 @@ impl PullBack {
         &self,
         py: Python<'py>,
         recording: &Mutex<Recording<T>>,
-        upstream: &[Option<Array<'py>>],
+        upstream: &[Option<Upstream<'py>>],
         wanted: Option<&[bool]>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let views = upstream
             .iter()
-            .map(|array| array.as_ref().map(Array::view::<T>).transpose())
+            .map(|given| given.as_ref().map(Upstream::view::<T>).transpose())
             .collect::<PyResult<SmallVec<[_; 4]>>>()?;
         let places: SmallVec<[usize; 8]> =
             (0..self.is_given.len()).filter(|&k| self.is_given[k]).collect();
@@ -45,9 +73,10 @@ impl PullBack {
         let pulled = released(py, || {
             let recording = recording.lock().unwrap_or_else(PoisonError::into_inner);
             let tensors = views
-                .iter()
+                .into_iter()
                 .map(|view| {
-                    view.map(|(shape, entries)| Tensor::new(shape, entries.to_vec())).transpose()
+                    view.map(|(shape, entries)| Tensor::new(shape, entries.into_owned()))
+                        .transpose()
                 })
                 .collect::<Result<SmallVec<[_; 4]>, _>>()?;
             let upstream: SmallVec<[_; 4]> = tensors.iter().map(Option::as_ref).collect();
@@ -56,7 +85,7 @@ impl PullBack {
         let mut gradients = pulled?.into_iter();
         let all = self.is_given.iter().map(|&is_given| {
             let gradient = if is_given { gradients.next().flatten() } else { None };
-            gradient.map(|gradient| to_array(py, gradient)).transpose()
+            gradient.map(|gradient| T::to_array(py, gradient)).transpose()
         });
         PyTuple::new(py, all.collect::<PyResult<Vec<_>>>()?)
     }
@@ -68,7 +97,7 @@ impl PullBack {
     fn __call__<'py>(
         &self,
         py: Python<'py>,
-        upstream: Vec<Option<Array<'py>>>,
+        upstream: Vec<Option<Upstream<'py>>>,
         wanted: Option<Vec<bool>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         if let Some(wanted) = &wanted
@@ -83,6 +112,7 @@ impl PullBack {
         match self.kind.as_ref().expect("it is there until it is dropped") {
             Kind::Single(recording) => self.pull(py, recording, &upstream, wanted),
             Kind::Double(recording) => self.pull(py, recording, &upstream, wanted),
+            Kind::Dual(recording) => self.pull(py, recording, &upstream, wanted),
         }
     }
 }
@@ -104,6 +134,7 @@ impl Drop for PullBack {
         match self.kind.take() {
             Some(Kind::Single(recording)) => give_back(recording),
             Some(Kind::Double(recording)) => give_back(recording),
+            Some(Kind::Dual(recording)) => give_back(recording),
             None => {}
         }
     }

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use bokashi_core::{OutputVars, Scalar, Var};
+use bokashi_core::{OutputVars, Var};
 use bokashi_render_ops::{
-    self as ops, Background, PixelLoss, RasterOptions, Sampling, Silhouettes, Size,
-    VertexAttributes,
+    self as ops, RasterOptions, Sampling, Silhouettes, Size, VertexAttributes,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -14,32 +13,10 @@ use smallvec::smallvec;
 use crate::array::{Array, by_type};
 use crate::coverage::{Coverage, cull};
 use crate::error::Refusal;
+use crate::fragments::{self, Arrays};
 use crate::mesh::Mesh;
 use crate::pull_back::PullBack;
-use crate::step::{Given, Recorded, record};
-
-/// Arrays of fragments: barycentrics, clip positions, and with exact coverage weights.
-type Arrays<'a, 'py> = [Option<&'a Array<'py>>; 3];
-
-/// The fragments of the arrays from input `first` on.
-fn fragments<'t, T: Scalar>(
-    given: &Given<'t, T>,
-    first: usize,
-    coverage: &Arc<ops::Coverage>,
-) -> ops::Fragments<'t, T> {
-    let [Some(barycentrics), Some(clip), weight] = given[first..first + 3] else {
-        unreachable!("they are required")
-    };
-    ops::Fragments { barycentrics, clip, weight, coverage: Arc::clone(coverage) }
-}
-
-fn background<'t, T: Scalar>(given: Option<Var<'t, T>>) -> Background<'t, T> {
-    match given {
-        None => Background::Zero,
-        Some(values) if values.shape().rank() == 1 => Background::Color(values),
-        Some(values) => Background::Image(values),
-    }
-}
+use crate::step::{Recorded, record};
 
 /// Outputs: the barycentrics, with `exact` the weights, and where they are asked for the depths and the differentials.
 /// With `exact`, `creases` are the attributes that will be shown, each with its index buffer, and gradients go to the
@@ -75,12 +52,10 @@ pub fn rasterize<'py>(
         .chain(creases.iter().map(|(values, _)| Some(values)))
         .collect();
     let mut coverage = None;
-    let (outputs, pull_back) = by_type!(clip, T => record::<T>(py, &inputs, |tape, x| {
+    let (outputs, pull_back) = by_type!(&inputs, T => record::<T>(py, &inputs, |tape, x| {
         let clip = x[0].expect("it is required");
         let fragments = if let Some(Coverage(front)) = behind {
-            let barycentrics = tape.constant_full([front.count(), 2], T::ZERO);
-            let coverage = Arc::clone(front);
-            let front = ops::Fragments { barycentrics, weight: None, clip, coverage };
+            let front = fragments::of_pixels(tape, front, Some(clip), None);
             ops::rasterize_behind(&front, options)?
         } else {
             let shown: Vec<_> = x[1..]
@@ -116,8 +91,8 @@ pub fn interpolate<'py>(
     mesh: Option<&Mesh>,
 ) -> Recorded<'py> {
     let inputs = [Some(&attributes), Some(&barycentrics), Some(&clip), weight.as_ref()];
-    by_type!(attributes, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments(x, 1, &coverage.0);
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments::of_arrays(x, 1, &coverage.0);
         let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
         let attributes = x[0].expect("they are required");
         Ok(smallvec![ops::interpolate_indexed(attributes, indices, &fragments)?])
@@ -144,8 +119,8 @@ pub fn interpolate_differentials<'py>(
         Some(&clip),
         weight.as_ref(),
     ];
-    by_type!(attributes, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments(x, 2, &coverage.0);
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments::of_arrays(x, 2, &coverage.0);
         let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
         let [Some(attributes), Some(differentials), ..] = x[..] else { unreachable!("they are required") };
         let values = ops::interpolate_differentials_indexed(attributes, indices, &fragments, differentials)?;
@@ -166,9 +141,9 @@ macro_rules! of_fragments {
             coverage: &Coverage,
         ) -> Recorded<'py> {
             let inputs: Arrays<'_, 'py> = [Some(&barycentrics), Some(&clip), weight.as_ref()];
-            by_type!(barycentrics, T => record::<T>(py, &inputs, |_, x| {
+            by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
                 let call: for<'t> fn(&ops::Fragments<'t, T>) -> Result<Var<'t, T>, ops::RenderError> = $call;
-                Ok(smallvec![call(&fragments(x, 0, &coverage.0))?])
+                Ok(smallvec![call(&fragments::of_arrays(x, 0, &coverage.0))?])
             }))
         }
     )+};
@@ -178,20 +153,7 @@ of_fragments! {
     depth => ops::depth;
     differentials => ops::differentials;
     eye_depth => |fragments| Ok(ops::eye_depth(fragments)?.values());
-}
-
-/// What stands before a background: the image, or with a reference the sum of the squared errors.
-fn finish<'t, T: Scalar>(
-    picture: &ops::Picture<'t, T>,
-    reference: Option<Var<'t, T>>,
-) -> Result<OutputVars<'t, T>, Refusal> {
-    let Some(reference) = reference else { return Ok(smallvec![picture.image()?]) };
-    let zero = bokashi_core::Tensor::zeros([picture.channels()]);
-    let behind = match picture.background() {
-        Background::Color(color) => color.value(),
-        _ => zero,
-    };
-    Ok(smallvec![picture.loss(&PixelLoss::squared(&reference.value(), &behind)?)?])
+    eye_depth_slope => ops::eye_depth_slope;
 }
 
 /// Inputs: values, background, barycentrics, clip, weight. With a reference, a loss.
@@ -217,12 +179,12 @@ pub fn picture<'py>(
         weight.as_ref(),
         reference.as_ref(),
     ];
-    by_type!(values, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments(x, 2, &coverage.0);
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
+        let fragments = fragments::of_arrays(x, 2, &coverage.0);
         let values = x[0].expect("they are required");
-        let composite = ops::composite(values, &fragments, self::background(x[1]))?;
+        let composite = ops::composite(values, &fragments, fragments::background(x[1]))?;
         let picture = if antialias && x[4].is_none() { ops::antialias(composite)? } else { composite.into() };
-        finish(&picture, x[5].map(Var::detach))
+        fragments::finish("picture", &picture, x[5].map(Var::detach))
     }))
 }
 
@@ -236,9 +198,9 @@ pub fn antialias_image<'py>(
     coverage: &Coverage,
 ) -> Recorded<'py> {
     let inputs = [Some(&image), Some(&barycentrics), Some(&clip), None];
-    by_type!(image, T => record::<T>(py, &inputs, |_, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let image = x[0].expect("it is required");
-        Ok(smallvec![ops::antialias_image(image, &fragments(x, 1, &coverage.0))?])
+        Ok(smallvec![ops::antialias_image(image, &fragments::of_arrays(x, 1, &coverage.0))?])
     }))
 }
 
@@ -271,13 +233,13 @@ pub fn render<'py>(
         .crease_tolerance(crease_tolerance);
     let inputs =
         [Some(&positions), camera.as_ref(), Some(&colors), background.as_ref(), reference.as_ref()];
-    by_type!(positions, T => record::<T>(py, &inputs, |_, x| {
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let [Some(positions), camera, Some(values), behind, reference] = x[..] else {
             unreachable!("they are required")
         };
         let clip = camera.map_or(Ok(positions), |camera| ops::project(positions, camera, None))?;
         let colors = VertexAttributes { values, indices: color_mesh.map(|mesh| &mesh.0) };
-        let picture = ops::render(clip, &mesh.0, colors, options, self::background(behind))?;
-        finish(&picture, reference.map(Var::detach))
+        let picture = ops::render(clip, &mesh.0, colors, options, fragments::background(behind))?;
+        fragments::finish("render", &picture, reference.map(Var::detach))
     }))
 }

@@ -9,10 +9,11 @@ use bokashi_scene::{Renderer, SceneError, Values};
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyList};
 
 use crate::array::{Array, to_array};
 use crate::error::Refusal;
+use crate::page::fit_page;
 use crate::threads::released;
 
 type Picture<'py> = PyResult<Bound<'py, PyArrayDyn<f32>>>;
@@ -128,14 +129,22 @@ impl SceneFit {
 
 #[pymethods]
 impl SceneFit {
-    /// Does a step: its number, the loss before its update and the milliseconds it took. `None` where all are done, or a rule
-    /// of the scene says stop.
-    fn step(&self, py: Python<'_>) -> PyResult<Option<(u64, f64, f64)>> {
+    /// Does a step. The loss before its update and the milliseconds it took come to the end of the lists: before any signal
+    /// is seen. `False` where all steps are done, or a rule of the scene says stop.
+    fn step(
+        &self,
+        py: Python<'_>,
+        losses: &Bound<'_, PyList>,
+        milliseconds: &Bound<'_, PyList>,
+    ) -> PyResult<bool> {
         let stepped = released(py, || {
             let mut fit = self.fit();
             if fit.ended().is_some() || fit.is_time_up() { Ok(None) } else { fit.step() }
         });
-        Ok(stepped.map_err(Refusal::from)?.map(|stepped| (stepped.step, stepped.loss, stepped.ms)))
+        let Some(stepped) = stepped.map_err(Refusal::from)? else { return Ok(false) };
+        losses.append(stepped.loss)?;
+        milliseconds.append(stepped.ms)?;
+        Ok(true)
     }
 
     /// How many steps are done, of all stages.
@@ -195,6 +204,11 @@ impl SceneFit {
         scores.set_item("ssim", score.ssim)?;
         scores.set_item("silhouette_iou", score.silhouette_iou)?;
         Ok(scores)
+    }
+
+    /// What notebooks show: what is said of it, the curve of these losses, and of some views scores and pictures.
+    fn page(&self, py: Python<'_>, words: &str, losses: Vec<f64>) -> PyResult<String> {
+        Ok(released(py, || fit_page(words, &losses, &self.fit()))?)
     }
 
     /// Saves the fit to a file, from which `Scene.fit(resume=..)` goes on to the same bits.

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::SmallVec;
 
-use crate::array::{Array, Number, View, to_array};
+use crate::array::{Array, Number, View};
 use crate::error::Refusal;
 use crate::pull_back::PullBack;
 use crate::threads::released;
@@ -18,6 +18,10 @@ pub type Given<'t, T> = SmallVec<[Option<Var<'t, T>>; 8]>;
 /// The outputs of a step, and its pull-back.
 pub type Recorded<'py> = PyResult<(Bound<'py, PyTuple>, PullBack)>;
 
+/// What records the operations of a step.
+type Operations<'a, T> =
+    dyn for<'t> FnMut(&'t Tape<T>, &Given<'t, T>) -> Result<OutputVars<'t, T>, Refusal> + Send + 'a;
+
 /// Records a step on arrays of type `T` and returns its outputs as arrays, and the pull-back.
 ///
 /// # Errors
@@ -27,15 +31,31 @@ pub fn record<'py, T: Number>(
     inputs: &[Option<&Array<'py>>],
     record: impl for<'t> FnOnce(&'t Tape<T>, &Given<'t, T>) -> Result<OutputVars<'t, T>, Refusal> + Send,
 ) -> PyResult<(Bound<'py, PyTuple>, PullBack)> {
-    let views: SmallVec<[Option<View<'_, T>>; 8]> =
-        inputs.iter().map(|array| array.map(Array::view).transpose()).collect::<PyResult<_>>()?;
+    let mut record = Some(record);
+    record_step(py, inputs, &mut |tape, given| {
+        record.take().expect("a step is recorded once")(tape, given)
+    })
+}
+
+/// The same for any operations: compiled once, and not for each of them.
+fn record_step<'py, T: Number>(
+    py: Python<'py>,
+    inputs: &[Option<&Array<'py>>],
+    record: &mut Operations<'_, T>,
+) -> PyResult<(Bound<'py, PyTuple>, PullBack)> {
+    let views: SmallVec<[Option<View<'_, T>>; 8]> = inputs
+        .iter()
+        .map(|array| array.map(Array::view::<T>).transpose())
+        .collect::<PyResult<_>>()?;
     let recorded = released(py, || {
         let tape =
             T::tapes().lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         let recording = Recording::new(tape, |tape| {
             let given: Given<'_, T> = views
                 .iter()
-                .map(|view| view.map(|(shape, entries)| tape.leaf_of(shape, entries)).transpose())
+                .map(|view| {
+                    view.as_ref().map(|(shape, entries)| tape.leaf_of(*shape, entries)).transpose()
+                })
                 .collect::<Result<_, _>>()?;
             let outputs = record(tape, &given)?;
             Ok::<_, Refusal>([given.into_iter().flatten().collect(), outputs])
@@ -46,7 +66,7 @@ pub fn record<'py, T: Number>(
     });
     let (recording, values) = recorded?;
     let arrays =
-        values.into_iter().map(|value| to_array(py, value)).collect::<PyResult<Vec<_>>>()?;
+        values.into_iter().map(|value| T::to_array(py, value)).collect::<PyResult<Vec<_>>>()?;
     let is_given = inputs.iter().map(Option::is_some).collect();
     Ok((PyTuple::new(py, arrays)?, PullBack::new(T::pull_back(recording), is_given)))
 }

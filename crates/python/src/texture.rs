@@ -1,16 +1,21 @@
 //! Textures.
 
-use bokashi_core::{OutputVars, Scalar, Var};
-use bokashi_render_ops::{
-    self as ops, CubeMap, Detail, Sampler, Texture, TextureBorder, TextureFilter,
-};
-use pyo3::exceptions::PyValueError;
-use pyo3::prelude::*;
+use std::any::{Any, TypeId};
+use std::sync::OnceLock;
 
-use crate::array::{Array, by_type};
-use crate::error::Refusal;
-use crate::step::{Given, Recorded, record};
+use bokashi_core::{OutputVars, Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{
+    self as ops, CubeMap, Detail, Sampler, StillCubeMap, StillTexture, TextureBorder, TextureFilter,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use smallvec::smallvec;
+
+use crate::array::{Array, DualNumber, Number, View, by_type, to_array};
+use crate::error::{Refusal, RenderError};
+use crate::step::{Given, Recorded, record};
+use crate::threads::released;
 
 fn filter(word: &str, probes: usize) -> PyResult<TextureFilter> {
     match word {
@@ -56,13 +61,13 @@ impl<'t, T: Scalar> SampleInputs<'t, T> {
 }
 
 /// Inputs: coordinates, level, differentials, bias, then the levels, or texels alone. With `mipmaps` coarser levels are
-/// made of the texels.
+/// made of the texels, and with `still` all levels are those of a texture that stays.
 macro_rules! sample {
-    ($name:ident, $texture:ident, $call:ident) => {
+    ($name:ident, $texture:ident, $still:ident) => {
         #[pyfunction]
         #[pyo3(signature = (
             coordinates, level, differentials, bias, levels, filter="trilinear", borders=("wrap", "wrap"), coarsest=None,
-            probes=8, mipmaps=false
+            probes=8, mipmaps=false, still=None
         ))]
         #[expect(clippy::too_many_arguments, reason = "Python has names for them")]
         pub fn $name<'py>(
@@ -77,38 +82,245 @@ macro_rules! sample {
             coarsest: Option<usize>,
             probes: usize,
             mipmaps: bool,
+            still: Option<&Texture>,
         ) -> Recorded<'py> {
             let filter = self::filter(filter, probes)?;
             let borders = [border(borders.0)?, border(borders.1)?];
             let sampler = Sampler { filter, borders, coarsest };
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
-            by_type!(coordinates, T => record::<T>(py, &inputs, |_, x| {
-                let inputs_of = SampleInputs::new(x);
-                let texture = match inputs_of.levels[..] {
-                    [texels] if mipmaps => $texture::with_mipmaps(texels)?,
-                    _ => $texture::from_levels(&inputs_of.levels)?,
-                };
-                Ok(smallvec![ops::$call(&texture, inputs_of.coordinates, inputs_of.detail, sampler)?])
-            }))
+            by_type!(&inputs, T => {
+                let still = still.map(Texture::of::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
+                record::<T>(py, &inputs, |tape, x| {
+                    let inputs_of = SampleInputs::new(x);
+                    let texture = match (&inputs_of.levels[..], still) {
+                        (_, Some(still)) => still.on(tape),
+                        (&[texels], None) if mipmaps => {
+                            ops::$texture::with_mipmaps_to(texels, coarsest.unwrap_or(usize::MAX))?
+                        }
+                        (levels, None) => ops::$texture::from_levels(levels)?,
+                    };
+                    Ok(smallvec![ops::$name(&texture, inputs_of.coordinates, inputs_of.detail, sampler)?])
+                })
+            })
         }
     };
 }
 
-sample!(sample_texture, Texture, sample_texture);
-sample!(sample_cube_map, CubeMap, sample_cube_map);
+sample!(sample_texture, Texture, plane);
+sample!(sample_cube_map, CubeMap, cube);
 
 /// The coarser levels of texels `[H, W, C]`, or of a cube map's `[6, S, S, C]`, down to a single texel or level
 /// `coarsest`.
 #[pyfunction]
 #[pyo3(signature = (texels, coarsest=None))]
 pub fn mipmaps<'py>(py: Python<'py>, texels: Array<'py>, coarsest: Option<usize>) -> Recorded<'py> {
-    by_type!(texels, T => record::<T>(py, &[Some(&texels)], |_, x| {
-        let texels = x[0].expect("they are required");
-        let levels: OutputVars<'_, T> = match texels.shape().rank() {
-            4 => CubeMap::with_mipmaps(texels).map_err(Refusal::from)?.levels().iter().copied().collect(),
-            _ => Texture::with_mipmaps(texels).map_err(Refusal::from)?.levels().iter().copied().collect(),
-        };
-        Ok(levels.into_iter().skip(1).take(coarsest.unwrap_or(usize::MAX)).collect())
+    let inputs = [Some(&texels)];
+    by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
+        let levels = levels_to(x[0].expect("they are required"), coarsest)?;
+        Ok(levels.into_iter().skip(1).collect())
     }))
+}
+
+/// All levels of texels, or of a cube map's, down to a single texel or level `coarsest`.
+fn levels_to<'t, T: Scalar>(
+    texels: Var<'t, T>,
+    coarsest: Option<usize>,
+) -> Result<OutputVars<'t, T>, ops::RenderError> {
+    let coarsest = coarsest.unwrap_or(usize::MAX);
+    Ok(match texels.shape().rank() {
+        4 => CubeMap::with_mipmaps_to(texels, coarsest)?.levels().iter().copied().collect(),
+        _ => ops::Texture::with_mipmaps_to(texels, coarsest)?.levels().iter().copied().collect(),
+    })
+}
+
+const CHECKED: &str = "levels of the same shapes are a texture";
+
+/// The levels of a texture or a cube map that stays.
+pub enum Levels<T: Scalar> {
+    Plane(StillTexture<T>),
+    Cube(StillCubeMap<T>),
+}
+
+impl<T: Number> Levels<T> {
+    fn new(
+        py: Python<'_>,
+        texels: &Array<'_>,
+        mips: &[Array<'_>],
+        coarsest: Option<usize>,
+    ) -> PyResult<Self> {
+        let views = std::iter::once(texels).chain(mips).map(Array::view::<T>);
+        let views: Vec<_> = views.collect::<PyResult<_>>()?;
+        let made = released(py, || {
+            let tape = Tape::<T>::new();
+            let mut levels = Vec::new();
+            for (shape, entries) in views {
+                levels.push(tape.constant_of(shape, &entries)?);
+            }
+            if let [texels] = levels[..] {
+                levels = levels_to(texels, coarsest)?.to_vec();
+            }
+            Ok::<_, Refusal>(match levels[0].shape().rank() {
+                4 => Self::Cube(CubeMap::from_levels(&levels)?.still()),
+                _ => Self::Plane(ops::Texture::from_levels(&levels)?.still()),
+            })
+        });
+        Ok(made?)
+    }
+
+    /// The same levels of other numbers.
+    fn cast<U: Number>(&self) -> Levels<U> {
+        let tape = Tape::<U>::new();
+        let levels: Vec<_> =
+            self.tensors().iter().map(|level| tape.constant(&level.cast())).collect();
+        match self {
+            Self::Plane(_) => {
+                Levels::Plane(ops::Texture::from_levels(&levels).expect(CHECKED).still())
+            }
+            Self::Cube(_) => Levels::Cube(CubeMap::from_levels(&levels).expect(CHECKED).still()),
+        }
+    }
+
+    fn tensors(&self) -> &[Tensor<T>] {
+        match self {
+            Self::Plane(texture) => texture.levels(),
+            Self::Cube(map) => map.levels(),
+        }
+    }
+
+    fn plane(&self) -> PyResult<&StillTexture<T>> {
+        match self {
+            Self::Plane(texture) => Ok(texture),
+            Self::Cube(_) => Err(RenderError::new_err(
+                "sample_texture needs a texture of texels [H, W, C], got a cube map",
+            )),
+        }
+    }
+
+    fn cube(&self) -> PyResult<&StillCubeMap<T>> {
+        match self {
+            Self::Cube(map) => Ok(map),
+            Self::Plane(_) => Err(RenderError::new_err(
+                "sample_cube_map needs a texture of texels [6, S, S, C], got one of texels [H, W, C]",
+            )),
+        }
+    }
+
+    /// Whether the first levels are these, bit by bit.
+    fn hold(&self, py: Python<'_>, levels: &[Array<'_>]) -> bool {
+        let (own, views) = (self.tensors(), levels.iter().map(Array::view::<T>));
+        let Ok(views) = views.collect::<PyResult<Vec<_>>>() else { return false };
+        let is_own = |((shape, entries), own): (View<'_, T>, &Tensor<T>)| {
+            *shape == **own.shape() && are_same(&entries, own.data())
+        };
+        levels.len() <= own.len() && released(py, || views.into_iter().zip(own).all(is_own))
+    }
+}
+
+/// Whether numbers are the same, bit by bit: zeros have a sign, and NaN is itself.
+fn are_same<T: Number>(a: &[T], b: &[T]) -> bool {
+    let bits = |number: T| number.to_f64().to_bits();
+    // In pieces without a way out, which are compared as vectors.
+    let pieces = a.chunks(1024).zip(b.chunks(1024));
+    a.len() == b.len()
+        && pieces.fold(true, |same, (a, b)| {
+            same && a.iter().zip(b).fold(true, |same, (&a, &b)| same & (bits(a) == bits(b)))
+        })
+}
+
+/// The same for either type of numbers.
+macro_rules! of_levels {
+    ($texture:expr, $levels:ident => $body:expr) => {
+        match (
+            $texture.plain.downcast_ref::<Levels<f32>>(),
+            $texture.plain.downcast_ref::<Levels<f64>>(),
+        ) {
+            (Some($levels), _) => $body,
+            (_, Some($levels)) => $body,
+            _ => unreachable!("a texture is made of one of both"),
+        }
+    };
+}
+
+/// Texels that stay as they are, `[H, W, C]`, or a cube map's, `[6, S, S, C]`, with their mipmaps.
+#[pyclass(frozen, module = "bokashi")]
+pub struct Texture {
+    /// Levels of `f32` or `f64`.
+    plain: Box<dyn Any + Send + Sync>,
+    /// The same with tangents of 0, where a step asked for them.
+    dual: OnceLock<Levels<DualNumber>>,
+}
+
+impl Texture {
+    /// # Errors
+    /// `TypeError` for a texture of other numbers.
+    fn of<T: Number>(&self) -> PyResult<&Levels<T>> {
+        let cast = || of_levels!(self, levels => levels.cast());
+        let is_dual = TypeId::of::<T>() == TypeId::of::<DualNumber>();
+        let levels: &dyn Any = if is_dual { self.dual.get_or_init(cast) } else { &*self.plain };
+        levels.downcast_ref().ok_or_else(|| {
+            let needed = T::NAME;
+            PyTypeError::new_err(format!(
+                "a call needs arrays of one type, got a texture of another beside {needed}"
+            ))
+        })
+    }
+}
+
+#[pymethods]
+impl Texture {
+    /// The coarser levels are `mips`, or they are made of the texels, down to a single texel or level `coarsest`. All is
+    /// copied.
+    #[new]
+    #[pyo3(signature = (texels, *, mips=None, coarsest=None))]
+    fn new(
+        py: Python<'_>,
+        texels: Array<'_>,
+        mips: Option<Vec<Array<'_>>>,
+        coarsest: Option<usize>,
+    ) -> PyResult<Self> {
+        let mips = mips.unwrap_or_default();
+        if coarsest.is_some() && !mips.is_empty() {
+            return Err(RenderError::new_err(
+                "a texture has mips of its own, or makes them down to level `coarsest`, got both",
+            ));
+        }
+        let plain: Box<dyn Any + Send + Sync> = match texels {
+            Array::Single(_) => Box::new(Levels::<f32>::new(py, &texels, &mips, coarsest)?),
+            Array::Double(_) => Box::new(Levels::<f64>::new(py, &texels, &mips, coarsest)?),
+            Array::Dual(_) => {
+                return Err(PyTypeError::new_err("a texture that stays has no tangent, got one"));
+            }
+        };
+        Ok(Self { plain, dual: OnceLock::new() })
+    }
+
+    /// The texels and the coarser levels, copied.
+    #[getter]
+    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        of_levels!(self, levels => {
+            let arrays = levels.tensors().iter().map(|level| Ok(to_array(py, level.clone())?.into_any()));
+            arrays.collect()
+        })
+    }
+
+    /// The shape of the texels.
+    #[getter]
+    fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        of_levels!(self, levels => PyTuple::new(py, levels.tensors()[0].shape().iter()))
+    }
+
+    /// Whether its first levels are these arrays, bit by bit.
+    fn holds(&self, py: Python<'_>, levels: Vec<Array<'_>>) -> bool {
+        of_levels!(self, own => own.hold(py, &levels))
+    }
+
+    fn __len__(&self) -> usize {
+        of_levels!(self, levels => levels.tensors().len())
+    }
+
+    fn __repr__(&self) -> String {
+        let count = self.__len__();
+        of_levels!(self, levels => format!("Texture({}, {count} levels)", levels.tensors()[0].shape()))
+    }
 }

@@ -19,3 +19,22 @@ def scene(generator, dtype=np.float64):
     w = generator.uniform(0.8, 1.6, (7, 1))
     clip = np.concatenate([ndc * w, w], 1).astype(dtype)
     return bokashi.Mesh(faces, 7), clip
+
+
+def check_gradients(function, arrays, generator):
+    """The pull-back against difference quotients; then tangents of one run against the pull-back."""
+    bokashi.check(function, *arrays, seed=int(generator.integers(1 << 30)))
+    check_tangents(function, arrays, generator)
+
+
+def check_tangents(function, arrays, generator):
+    """`<u, J v> = <J^T u, v>`."""
+    value, pull_back = function(*arrays)
+    moves = [generator.normal(size=np.shape(array)) for array in arrays]
+    again, moved = bokashi.jvp(function, arrays, moves)
+    np.testing.assert_allclose(again, value, rtol=1e-12, atol=1e-12)
+    upstream = generator.normal(size=np.shape(value))
+    pulled = [bar for bar in pull_back(upstream)][: len(arrays)]
+    terms = [upstream * moved, *(move * (0.0 if bar is None else bar) for bar, move in zip(pulled, moves))]
+    size = sum(float(abs(term).sum()) for term in terms)
+    assert abs(terms[0].sum() - sum(float(term.sum()) for term in terms[1:])) <= 1e-9 * size

@@ -12,6 +12,7 @@ from jax.test_util import check_grads
 
 import bokashi
 import bokashi.jax as bj
+from cases import cases, layered
 from conftest import scene
 
 SIZE = 12, 16
@@ -98,6 +99,25 @@ def test_operations_on_fragments_have_true_gradients(generator, exact):
     check(lambda uv: bj.differentials(fragments.replace(barycentrics=uv)), fragments.barycentrics)
     seen = jax.jit(lambda colors, fragments: bj.interpolate(colors, fragments))(colors, fragments)
     np.testing.assert_array_equal(seen, bj.interpolate(colors, fragments))
+
+
+@pytest.mark.parametrize("name", list(cases(np.random.default_rng(0))))
+def test_operations_that_are_described_once_have_true_gradients(name, generator):
+    function, arrays, *_ = cases(generator)[name]
+
+    def flat(*arrays):
+        value = function(bj, *arrays)
+        return (value.harmonics, *value.levels[1:]) if name == "prefiltered" else value
+
+    check(flat, *arrays)
+
+
+def test_surfaces_behind_a_surface_have_true_gradients(generator):
+    mesh, clip = layered(generator)
+    check_outside(lambda clip: [layer.barycentrics for layer in bj.depth_layers(clip, mesh, (7, 6))], clip)
+    check_outside(lambda clip: bj.rasterize_behind(bj.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
+    with pytest.raises(bokashi.RenderError, match="needs to be outside of jit"):
+        jax.jit(lambda clip: bj.depth_layers(clip, mesh, 8)[0].barycentrics)(jnp.asarray(clip))
 
 
 def test_every_other_operation_has_true_gradients(generator):
@@ -342,3 +362,16 @@ def test_what_is_refused_says_why(generator):
     with pytest.raises(ValueError, match="do not support JVP"):
         jax.grad(lambda bar: pull(bar)[0].sum())(jnp.ones(()))
     bj._kept.known.clear()
+
+
+def test_a_texture_that_stays_takes_the_place_of_texels(generator):
+    texels = generator.uniform(size=(8, 12, 2)).astype(np.float32)
+    uv = jnp.asarray(generator.uniform(size=(20, 2)).astype(np.float32))
+    still = bj.Texture(texels)
+
+    def loss(given):
+        return jax.jit(jax.value_and_grad(lambda uv: (bj.sample_texture(given, uv, level=0.4) ** 2).sum()))
+
+    (expected, slopes), (found, own) = loss(jnp.asarray(texels))(uv), loss(still)(uv)
+    assert expected == found and (slopes == own).all()
+    assert bj.sample_texture(texels, uv, mips=[], level=0.4).dtype == jnp.float32

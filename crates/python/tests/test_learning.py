@@ -27,7 +27,8 @@ def test_a_pipeline_of_operations_is_learnt(generator):
     assert learning.losses[0] > 1 and learning.loss < 1e-3 * learning.losses[0]
     assert learning.step == learning.steps == len(heard) == 400 and learning.ended == "its steps are done"
     assert ((learning.parameters["colors"] > 0) & (learning.parameters["colors"] < 1)).all()
-    assert "<svg" in learning._repr_html_()
+    shown = learning._repr_html_()
+    assert "&lt;svg" in shown and "colors" in shown and "[7, 3]" in shown
     again = bokashi.fit(loss, start, steps=400, cosine=True)
     assert again.losses == learning.losses
 
@@ -70,3 +71,36 @@ def test_a_fit_that_is_asked_from_its_pipeline_answers_or_refuses():
 
     fit = bokashi.fit(square, {"x": np.ones(2)}, steps=2, callback=found.append)
     assert fit is found[0] and fit.step == 2 and fit.parameters["x"].shape == (2,)
+
+
+def test_threads_are_refused_while_a_step_is_under_way_and_the_fit_goes_on_after_errors():
+    import threading
+
+    refusals = []
+
+    def square(parameters):
+        def ask():
+            for question in (lambda: fit.run(steps=1), lambda: fit.parameters):
+                try:
+                    question()
+                except RuntimeError as error:
+                    refusals.append(str(error))
+
+        if fit.step == 1 and len(refusals) < 2:
+            thread = threading.Thread(target=ask)
+            thread.start()
+            thread.join(30)
+            assert not thread.is_alive()
+            raise ZeroDivisionError
+        return float((parameters["x"] ** 2).sum()), {"x": 2 * parameters["x"]}
+
+    fit = bokashi.fit(lambda parameters: (1.0, {}), {"x": np.ones(2)}, steps=5, callback=lambda fit: False)
+    fit.pipeline = square
+    try:
+        fit.run()
+    except ZeroDivisionError:
+        pass
+    assert len(refusals) == 2 and "one step at a time" in refusals[0] and "between two steps" in refusals[1]
+    assert fit.step == 1 and fit.parameters["x"].shape == (2,)
+    fit.run()
+    assert fit.step == len(fit.losses) == 5 and fit.ended == "its steps are done"

@@ -22,4 +22,4 @@ def test_the_cells_of_the_notebook_run_and_find_what_they_say():
     assert len(programs) > 4 and said.getvalue().count("off by") == 5
     assert names["error"] < 1e-3 and names["degrees"] < 1e-2
     assert np.sqrt(np.mean((names["seen"] - names["target"]) ** 2)) < 1e-2
-    assert "<svg" in names["cube"]._repr_html_()
+    assert "&lt;svg" in names["cube"]._repr_html_()

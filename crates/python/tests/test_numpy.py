@@ -1,14 +1,16 @@
 """Values and pull-backs of the operations on numpy arrays."""
 
+import copy
+import os
+import pickle
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import bokashi
-from conftest import scene
-
-
-def check_gradients(function, arrays, generator):
-    bokashi.check(function, *arrays, seed=int(generator.integers(1 << 30)))
+from conftest import check_gradients, scene
 
 
 def test_a_whole_step_has_true_gradients(generator):
@@ -269,14 +271,83 @@ def test_what_is_refused_says_the_rule_and_then_the_value(generator):
     assert issubclass(bokashi.RenderError, ValueError)
 
 
-def test_meshes_can_be_copied_and_pickled(generator):
-    import copy
-    import pickle
+def test_a_reference_of_another_shape_is_named(generator):
+    mesh, clip = scene(generator)
+    colors = generator.uniform(size=(7, 3))
+    fragments, _ = bokashi.rasterize(clip, mesh, 8)
+    surface, _ = bokashi.interpolate(colors, fragments)
+    for shape in [(8, 8, 1), (8, 8), (1, 8, 8, 3), (3,), (8, 7, 3), (7, 8, 3)]:
+        rule = f"a reference of shape \\[8, 8, 3\\], got shape \\[{', '.join(map(str, shape))}\\]"
+        with pytest.raises(bokashi.RenderError, match=f"render needs {rule}"):
+            bokashi.render(clip, mesh, colors, 8, reference=np.ones(shape))
+        with pytest.raises(bokashi.RenderError, match=f"picture needs {rule}"):
+            bokashi.picture(surface, fragments, reference=np.ones(shape))
 
-    mesh, _ = scene(generator)
-    for other in (copy.copy(mesh), copy.deepcopy(mesh), pickle.loads(pickle.dumps(mesh))):
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_gradient_of_a_number_may_be_a_number(generator, dtype):
+    mesh, clip = scene(generator, dtype)
+    colors = generator.uniform(size=(7, 3)).astype(dtype)
+    image, of_image = bokashi.render(clip, mesh, colors, 8)
+    _, pull_back = bokashi.render(clip, mesh, colors, 8, reference=np.zeros_like(image))
+    expected = pull_back(np.full((), 0.5, dtype))[0]
+    for half in (0.5, np.float32(0.5), np.float64(0.5)):
+        assert pull_back(half)[0].tobytes() == expected.tobytes()
+    assert pull_back(1)[0].dtype == dtype
+    with pytest.raises(bokashi.RenderError, match="shape"):
+        of_image(1.0)
+    for wrong in ("1.0", [1.0], {}):
+        with pytest.raises(TypeError, match="numpy arrays of float32 or float64, got"):
+            pull_back(wrong)
+
+
+def copies(value):
+    return copy.copy(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))
+
+
+def test_meshes_coverage_and_fragments_can_be_copied_and_pickled(generator):
+    mesh, clip = scene(generator)
+    for other in copies(mesh):
         np.testing.assert_array_equal(other.faces, mesh.faces)
         assert other.vertex_count == 7
+    picture = generator.uniform(size=(12, 16, 3))
+    for cull in ("none", "back", "front"):
+        fragments, _ = bokashi.rasterize(clip, mesh, (12, 16), cull=cull)
+        expected, _ = bokashi.antialias_image(picture, fragments)
+        for other in copies(fragments):
+            assert len(other) == len(fragments) and other.weight is None
+            np.testing.assert_array_equal(other.pixels, fragments.pixels)
+            np.testing.assert_array_equal(other.barycentrics, fragments.barycentrics)
+            # Silhouettes, too.
+            np.testing.assert_array_equal(bokashi.antialias_image(picture, other)[0], expected)
+            again = fragments.replace(coverage=other.coverage)
+            np.testing.assert_array_equal(bokashi.antialias_image(picture, again)[0], expected)
+    exact, _ = bokashi.rasterize(clip, mesh, (12, 16), exact=True)
+    assert copy.deepcopy(exact).coverage is exact.coverage
+    with pytest.raises(TypeError, match="exact pieces can't be pickled"):
+        pickle.dumps(exact)
+    with pytest.raises(AttributeError, match="stay as they are"):
+        exact.clip = clip
+    ids, known = fragments.coverage.triangle_ids(), fragments.coverage.orientations
+    assert bokashi.Coverage.from_ids(mesh, ids).orientations is None
+    for wrong, message in [(known[:2], "for each of the 3 faces, got shape"), (known + 2, "-1, 0 or 1, got")]:
+        with pytest.raises(bokashi.RenderError, match=message):
+            bokashi.Coverage.from_ids(mesh, ids, orientations=wrong)
+
+
+def test_the_import_waits_for_numpy():
+    program = (
+        "import sys, bokashi; before = {'numpy', 'dataclasses', 'inspect'} & set(sys.modules); print(before);"
+        "assert 'Scene' in dir(bokashi) and not hasattr(bokashi, 'nothing');"
+        "bokashi.Picture; assert 'numpy' in sys.modules; from bokashi import *; fit, Slope"
+    )
+    found = subprocess.run([sys.executable, "-S", "-c", program], capture_output=True, text=True, env=environment())
+    assert found.stdout == "set()\n", found.stderr
+
+
+def environment():
+    """That of this process, with its packages: none of them is loaded at the start."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
 
 
 def test_memory_does_not_grow(generator):

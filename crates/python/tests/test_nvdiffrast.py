@@ -9,6 +9,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+import bokashi
 import bokashi.nvdiffrast as dr
 
 CONTEXT = dr.RasterizeCudaContext()
@@ -352,3 +353,69 @@ def test_what_is_refused_says_why():
     (bar,) = torch.autograd.grad(out.square().sum(), pos, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         bar.sum().backward()
+
+
+def batch(images=3):
+    pos, tri, attr, tex, coordinates = recorded_scene()
+    return pos.detach().repeat(images, 1, 1), tri, attr.detach(), tex.detach(), coordinates
+
+
+def test_errors_name_the_image_of_a_batch():
+    pos, tri, attr, tex, coordinates = batch()
+    broken = pos.clone()
+    broken[2, 3, 0] = float("nan")
+    rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+    uv, _ = dr.interpolate(coordinates, rast, tri)
+    high, negative, lost_uv = rast.clone(), rast.clone(), uv.clone()
+    high[1, 4, 4, 3], negative[2, 3, 5, 3], lost_uv[1, 2, 3, 0] = 3, -1, float("inf")
+    ranges = torch.tensor([[0, 1], [1, 2]], dtype=torch.int32)
+    cube = torch.ones(1, 6, 4, 4, 1)
+    for wrong, message in [
+        (lambda: dr.rasterize(CONTEXT, broken, tri, [8, 8]), r"image 2: .* finite, got \(nan, -0.69.*, 0.0, 1.0\) at vertex 3"),
+        (lambda: dr.rasterize(CONTEXT, broken[2:], tri, [8, 8]), r"^clip positions need to be finite"),
+        (lambda: dr.interpolate(attr, high, tri), "image 1: a triangle id needs to be at most the number of faces, 2, got 3"),
+        (lambda: dr.interpolate(attr, negative, tri), "image 2: rast needs triangle ids from 0 on, got -1 in row 3, column 5"),
+        (lambda: dr.antialias(torch.ones(3, 8, 8, 1), high, pos, tri), "image 1: a triangle id"),
+        (lambda: dr.texture(tex, lost_uv), "image 1: sample_texture needs finite coordinates, got inf in row 19"),
+        (lambda: dr.texture(leaf(tex), lost_uv), "image 1: sample_texture"),
+        (lambda: dr.rasterize(CONTEXT, pos[0], tri, [8, 8], ranges=ranges), "image 1: a part of a mesh needs a range of its 2 faces, got 1..3"),
+        (lambda: dr.rasterize(CONTEXT, pos, torch.tensor([[0, 1, -1]], dtype=torch.int32), [8, 8]), "got -1 in face 0"),
+        (lambda: dr.texture(cube, torch.full((2, 8, 8, 3), float("nan")), boundary_mode="cube"), "image 0: sample_cube_map"),
+    ]:
+        with pytest.raises(dr.RenderError, match=message) if "-1 in face" not in message else pytest.raises(ValueError, match=message):
+            wrong()
+
+
+def test_textures_without_a_gradient_keep_their_mipmaps_as_long_as_their_numbers_stay(monkeypatch):
+    pos, tri, _, tex, coordinates = batch(2)
+    rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+    uv, uv_da = dr.interpolate(coordinates, rast, tri, rast_db=rast_db, diff_attrs="all")
+    made = []
+    monkeypatch.setattr(dr, "Texture", lambda *args, **kwargs: made.append(kwargs) or bokashi.Texture(*args, **kwargs))
+
+    def sampled(tex, **options):
+        return dr.texture(tex, uv, uv_da, **options)
+
+    tex = tex[:, :, :, :].clone()
+    for options in ({}, {"max_mip_level": 1}, {"filter_mode": "linear"}, {"filter_mode": "linear-mipmap-nearest"}):
+        expected = sampled(leaf(tex), **options).detach()
+        for _ in range(3):
+            assert torch.equal(sampled(tex, **options), expected)
+    # All levels, level 1, and the texels alone: each once, for both images.
+    assert [kwargs["coarsest"] for kwargs in made] == [None, 1, 0]
+    for change in (lambda: tex.mul_(0.5), lambda: tex.data.mul_(0.5), lambda: tex.numpy().__imul__(0.5)):
+        change()
+        assert torch.equal(sampled(tex), sampled(leaf(tex)).detach())
+    mip = dr.texture_construct_mip(tex)
+    assert torch.equal(sampled(tex, mip=mip), sampled(tex))
+    for options in ({}, {"mip": mip}):
+        of_uv, expected = leaf(uv), leaf(uv)
+        dr.texture(tex, of_uv, uv_da, **options).square().sum().backward()
+        dr.texture(leaf(tex), expected, uv_da, **options).square().sum().backward()
+        assert of_uv.grad.abs().sum() > 0 and torch.equal(of_uv.grad, expected.grad)
+    each = torch.cat([tex, 1 - tex])
+    assert torch.equal(sampled(each)[1], sampled(1 - tex)[1])
+    with pytest.raises(dr.RenderError, match="mip needs a filter_mode with mipmaps"):
+        dr.texture(tex, uv, mip=mip)
+    with pytest.raises(dr.RenderError, match="mip needs a filter_mode with mipmaps"):
+        sampled(tex, mip=mip, filter_mode="linear")

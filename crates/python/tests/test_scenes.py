@@ -22,7 +22,7 @@ def test_a_scene_is_seen_and_learnt_to_the_same_bits(tmp_path):
     assert [step for step, _ in heard] == [1, 2, 3, 4] and [loss for _, loss in heard] == fit.losses
     assert fit.step == 4 and not fit.interrupted and fit.ended is None
     assert all(isinstance(value, np.ndarray) for value in fit.parameters.values()) and fit.parameters
-    assert fit.score(0)["psnr"] > 5 and "<svg" in fit._repr_html_()
+    assert fit.score(0)["psnr"] > 5 and "&lt;svg" in fit._repr_html_()
     path = tmp_path / "fit.safetensors"
     fit.save(path)
     fit.run(steps=3)
@@ -47,6 +47,37 @@ def test_a_callback_stops_a_fit_and_an_interruption_keeps_it():
     assert fit.interrupted and fit.step == 3 and len(fit.losses) == 3
     with pytest.raises(ZeroDivisionError):
         scene.fit(lambda fit: 1 / 0)
+
+
+def test_an_interruption_just_after_a_step_keeps_its_loss():
+    import sys
+
+    def interrupted(run):
+        """A fit that Ctrl-C stops the moment that its third step returns."""
+        returned = []
+
+        def hook(frame, event, function):
+            if event == "c_return" and getattr(function, "__name__", "") == "step":
+                returned.append(function)
+                if len(returned) == 3:
+                    sys.setprofile(None)
+                    raise KeyboardInterrupt
+
+        sys.setprofile(hook)
+        try:
+            return run()
+        finally:
+            sys.setprofile(None)
+
+    def square(parameters):
+        return float((parameters["x"] ** 2).sum()), {"x": 2 * parameters["x"]}
+
+    scene = bokashi.Scene.open(HAND)
+    for run in (lambda: scene.fit(steps=9), lambda: bokashi.fit(square, {"x": np.ones(3)}, steps=9)):
+        fit = interrupted(run)
+        assert fit.interrupted and fit.step == len(fit.losses) == len(fit.milliseconds) == 3
+        fit.run(steps=2)
+        assert not fit.interrupted and fit.step == len(fit.losses) == len(fit.milliseconds) == 5
 
 
 def test_progress_is_written_to_the_standard_error(capsys):

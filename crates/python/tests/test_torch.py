@@ -7,6 +7,7 @@ torch = pytest.importorskip("torch")
 
 import bokashi
 import bokashi.torch as bt
+from cases import cases, layered
 from conftest import scene
 
 
@@ -15,7 +16,9 @@ def tensor(array):
 
 
 def check(function, *tensors):
-    assert torch.autograd.gradcheck(function, tensors, eps=1e-6, atol=1e-5, rtol=1e-4, nondet_tol=0.0)
+    assert torch.autograd.gradcheck(
+        function, tensors, eps=1e-6, atol=1e-5, rtol=1e-4, nondet_tol=0.0, check_forward_ad=True
+    )
 
 
 def test_every_function_passes_gradcheck(generator):
@@ -81,6 +84,63 @@ def test_every_function_passes_gradcheck(generator):
     )
 
 
+@pytest.mark.parametrize("name", list(cases(np.random.default_rng(0))))
+def test_operations_that_are_described_once_pass_gradcheck(name, generator):
+    function, arrays, *_ = cases(generator)[name]
+
+    def flat(*tensors):
+        value = function(bt, *tensors)
+        return (value.harmonics, *value.levels[1:]) if name == "prefiltered" else value
+
+    check(flat, *map(tensor, arrays))
+
+
+def test_surfaces_behind_a_surface_pass_gradcheck(generator):
+    mesh, clip = layered(generator)
+    clip = tensor(clip)
+    check(lambda clip: [layer.barycentrics for layer in bt.depth_layers(clip, mesh, (7, 6))], clip)
+    check(lambda clip: bt.rasterize_behind(bt.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
+    assert bt.depth_layers(clip * torch.tensor([1, 1, 1, -1]), mesh, 8) == []
+
+
+def test_indices_and_masks_are_tensors_too(generator):
+    x = tensor(generator.normal(size=(4, 3)))
+    assert torch.equal(bt.gather_rows(x, torch.tensor([2, 0])), x[[2, 0]])
+    assert torch.equal(bt.mean_error(x, torch.zeros_like(x), mask=x > 0), x[x > 0].square().mean())
+    with pytest.raises(bokashi.RenderError, match="runs on a CPU"):
+        bt.norm(x.detach().to("meta"))
+    with pytest.raises(TypeError, match="needs tensors, got list"):
+        bt.norm([1.0, 2.0])
+
+
+def test_tangents_of_gradients_are_refused_and_not_lost(generator):
+    from torch.autograd import forward_ad
+
+    mesh, clip = scene(generator)
+    clip, colors = tensor(clip), tensor(generator.uniform(size=(7, 3)))
+    with forward_ad.dual_level():
+        moving = forward_ad.make_dual(clip, torch.ones_like(clip))
+        image = bt.render(moving, mesh, colors, 8)
+        assert forward_ad.unpack_dual(image).tangent.shape == (8, 8, 3)
+        with pytest.raises(bokashi.RenderError, match="gradients have no tangents in torch"):
+            torch.autograd.grad(image.sum(), colors)
+        still = bt.render(clip, mesh, colors, 8)
+        factor = forward_ad.make_dual(torch.ones_like(still), torch.ones_like(still))
+        with pytest.raises(bokashi.RenderError, match="gradients have no tangents in torch"):
+            torch.autograd.grad((still * factor).sum(), colors)
+
+
+def test_tangents_of_single_precision_are_single(generator):
+    from torch.autograd import forward_ad
+
+    mesh, clip = scene(generator, np.float32)
+    with forward_ad.dual_level():
+        moving = forward_ad.make_dual(torch.from_numpy(clip), torch.ones(7, 4))
+        fragments = bt.rasterize(moving, mesh, 16, exact=True)
+        tangent = forward_ad.unpack_dual(fragments.barycentrics).tangent
+        assert tangent.dtype == torch.float32 and tangent.shape == fragments.barycentrics.shape
+
+
 def test_a_module_learns_with_an_optimizer_of_torch(generator):
     mesh, clip = scene(generator, np.float32)
     colors = torch.from_numpy(generator.uniform(size=(7, 3)).astype(np.float32))
@@ -118,6 +178,7 @@ def test_what_gets_no_gradient_is_not_asked_for_one(generator):
         lambda: bt.render(clip, mesh, colors, 8, reference=target),
         lambda: bt.picture(bt.interpolate(colors, fragments), fragments, reference=target),
         lambda: bt.se3(tensor(np.zeros(6)), pose),
+        lambda: bt.composite_layers([(fragments, colors.new_ones(len(fragments), 3), colors.new_ones(len(fragments)))], reference=target),
     ):
         with pytest.raises(bokashi.RenderError, match="has no gradient here and needs to be detached"):
             wrong()
@@ -177,3 +238,21 @@ def test_tensors_that_are_not_contiguous_are_read_as_they_are(generator):
     clip = torch.from_numpy(clip)
     colors = torch.from_numpy(generator.uniform(size=(3, 7))).T
     assert torch.equal(bt.render(clip, mesh, colors, 8), bt.render(clip, mesh, colors.contiguous(), 8))
+
+
+def test_a_texture_that_stays_takes_the_place_of_texels(generator):
+    texels = torch.from_numpy(generator.uniform(size=(8, 12, 2)))
+    cube = torch.from_numpy(generator.uniform(size=(6, 4, 4, 1)))
+    uv = torch.from_numpy(generator.uniform(size=(20, 2))).requires_grad_()
+    towards = torch.from_numpy(generator.normal(size=(20, 3))).requires_grad_()
+    for function, own, places in ((bt.sample_texture, texels, uv), (bt.sample_cube_map, cube, towards)):
+        still = bt.Texture(own.numpy())
+        for options in ({}, {"level": 0.4}):
+            expected, found = (function(given, places, **options) for given in (own, still))
+            assert torch.equal(found, expected)
+            one, other = (torch.autograd.grad(out.square().sum(), places)[0] for out in (expected, found))
+            assert torch.equal(one, other)
+    with pytest.raises(bt.RenderError, match="levels of its own"):
+        bt.sample_texture(still, uv, level=0.4, mips=[texels])
+    with pytest.raises(bt.RenderError, match="needs a level or differentials"):
+        bt.sample_texture(texels, uv, mips=bt.mipmaps(texels))

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use bokashi_core::Scalar;
+use bokashi_core::{Scalar, TensorError};
 
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
@@ -120,6 +120,31 @@ impl Coverage {
         }
         coverage.end_centers();
         Ok(coverage)
+    }
+
+    /// Which way each face of the mesh turns as it is seen, y up: 1 for counter-clockwise, -1 for clockwise, 0 where its
+    /// area is zero within rounding or where that side was not drawn. `None` where nobody knows.
+    pub fn orientations(&self) -> Option<&[i8]> {
+        (self.orientations.len() == self.mesh.faces().len()).then_some(&self.orientations)
+    }
+
+    /// The same coverage with the [`Coverage::orientations`] of another of the same mesh, which were kept beside its
+    /// [`Coverage::triangle_ids`].
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless there is one for each face; `TensorError::Value` for one that is not -1, 0 or 1.
+    pub fn with_known_orientations(mut self, orientations: &[i8]) -> Result<Self, RenderError> {
+        let (operation, faces) = ("Coverage::with_known_orientations", self.mesh.faces().len());
+        if orientations.len() != faces {
+            let rule = format!("an orientation for each of the {faces} faces");
+            return Err(RenderError::shape(operation, rule, &[orientations.len()].into()));
+        }
+        if let Some(&other) = orientations.iter().find(|sign| !(-1..=1).contains(*sign)) {
+            let rule = "orientations that are -1, 0 or 1".into();
+            return Err(TensorError::Value { operation, rule, value: other.into() }.into());
+        }
+        self.orientations = orientations.to_vec();
+        Ok(self)
     }
 
     /// Forgets what is seen, to find it anew: [`Coverage::add_centers`] for each band from the top, and then

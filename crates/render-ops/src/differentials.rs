@@ -241,6 +241,10 @@ impl<T: Scalar> Op<T> for Differentials {
             );
         }
     }
+
+    fn saved_bytes(&self, rows: &Self::Saved) -> usize {
+        rows.bytes()
+    }
 }
 
 /// From the gradients of the derivatives to those of the vertices.

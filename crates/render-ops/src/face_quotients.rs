@@ -179,6 +179,10 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
             entries[2 * fragment + 1] += v_bar;
         }
     }
+
+    fn saved_bytes(&self, rows: &Self::Saved) -> usize {
+        rows.bytes()
+    }
 }
 
 /// Where a piece has its mean weights.

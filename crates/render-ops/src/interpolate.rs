@@ -196,6 +196,10 @@ impl<T: Scalar> Op<T> for Interpolate {
             gradients.put_back(1, barycentrics_bar);
         }
     }
+
+    fn saved_bytes(&self, lists: &Lists<T>) -> usize {
+        lists.direct.bytes() + lists.rows.bytes()
+    }
 }
 
 impl Interpolate {

@@ -152,6 +152,10 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
             );
         }
     }
+
+    fn saved_bytes(&self, rows: &Self::Saved) -> usize {
+        rows.bytes()
+    }
 }
 
 /// The shares of each vertex in the gradients of the derivatives of attributes.

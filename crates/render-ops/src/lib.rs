@@ -181,8 +181,8 @@ pub use srgb::{exposure, srgb_decode, srgb_encode};
 pub use tangents::tangents;
 pub use taps::{Blur, Kernel, Radius};
 pub use texture::{
-    CubeMap, Detail, MOST_PROBES, Sampler, Texture, TextureBorder, TextureFilter, sample_cube_map,
-    sample_texture,
+    CubeMap, Detail, MOST_PROBES, Sampler, StillCubeMap, StillTexture, Texture, TextureBorder,
+    TextureFilter, sample_cube_map, sample_texture,
 };
 pub use transform_normals::transform_normals;
 pub use transform_points::transform_points;

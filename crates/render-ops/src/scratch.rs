@@ -30,9 +30,35 @@ impl<M: Default> Workbench<M> {
     pub(crate) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
         self.lock().iter().map(size).sum()
     }
+}
 
+impl<M> Workbench<M> {
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<M>> {
         // A piece that panics has taken its memory out, so all that is left can be used.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<E> Workbench<Vec<E>> {
+    /// The bytes of the entries of all lists that are kept.
+    pub(crate) fn bytes(&self) -> usize {
+        self.lock().iter().map(|list| size_of_val(&list[..])).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bytes_are_those_of_all_lists_that_are_kept() {
+        let bench = Workbench::<Vec<f32>>::default();
+        assert_eq!(bench.bytes(), 0);
+        bench.with(|first| {
+            first.resize(3, 1.0);
+            bench.with(|second| second.resize(5, 1.0));
+            assert_eq!(bench.bytes(), 20);
+        });
+        assert_eq!(bench.bytes(), 32);
     }
 }

@@ -33,6 +33,7 @@ pub(crate) mod sample_cube_map;
 pub(crate) mod sample_texture;
 pub(crate) mod shade;
 pub(crate) mod still_fragments;
+pub(crate) mod still_textures;
 pub(crate) mod tangents;
 pub(crate) mod tone;
 pub(crate) mod transform_normals;

@@ -26,83 +26,92 @@ vertices, F faces, N fragments (the covered samples of an image), K pieces of ex
 from __future__ import annotations
 
 import copyreg
-import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from . import _native, _operations
+from ._given import Fragments, size_of, surface_of
+from ._native import (
+    Coverage, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Texture, Topology,
+    num_threads, set_num_threads,
+)
+from ._operations import Environment, LensLayer, Single, Step, dressed
 
-from . import _native
-from ._check import Slope, check
-from ._native import Coverage, Mesh, PullBack, RenderError, SceneError, num_threads, set_num_threads
-from ._scenes import Fit, Learning, Parameter, Picture, Scene, fit
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._check import Slope, check
+    from ._dual import Dual, hvp, jvp
+    from ._scenes import Fit, Learning, Parameter, Picture, Scene, View, fit
 
 __all__ = [
-    "Coverage", "Fit", "Fragments", "Learning", "Mesh", "Parameter", "Picture", "PullBack", "RenderError", "Scene",
-    "SceneError", "Slope", "affine_inverse", "antialias_image", "check", "depth", "depth_of_field", "differentials",
-    "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "fit", "gaussian_blur",
-    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
-    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid",
-    "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents",
-    "transform_normals", "transform_points", "vertex_normals",
+    "Coverage", "Dual", "Environment", "Fit", "Fragments", "Learning", "LensLayer", "Mesh", "Parameter", "Picture",
+    "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Texture",
+    "Topology", "View", "affine_inverse", "antialias_image", "check", "composite_layers", "cross", "depth",
+    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
+    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "fit", "gather_rows",
+    "gaussian_blur", "halved", "hvp", "interpolate", "interpolate_differentials", "irradiance", "jvp",
+    "laplacian_error", "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm",
+    "normal_error", "normalize", "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole",
+    "prefiltered", "project", "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid",
+    "rigid_error", "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade",
+    "shade_in_environment", "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error",
+    "srgb_decode", "srgb_encode", "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points",
+    "vertex_normals",
 ]
 
 
-# Meshes can be pickled and copied, and modules of torch that have them.
+def _coverage(mesh: Mesh, ids: NDArray[np.uint32], orientations: NDArray[np.int8] | None) -> Coverage:
+    return Coverage.from_ids(mesh, ids, orientations=orientations)
+
+
+def _parts(coverage: Coverage) -> tuple[Any, ...]:
+    if len(coverage) > coverage.centers:
+        raise TypeError("coverage with exact pieces can't be pickled: keep the clip positions, and rasterize again")
+    return _coverage, (coverage.mesh, coverage.triangle_ids(), coverage.orientations)
+
+
+def _texture(texels: NDArray[Any], *mips: NDArray[Any]) -> Texture:
+    return Texture(texels, mips=mips) if mips else Texture(texels, coarsest=0)
+
+
+# What is made of these can be pickled and copied: fragments, modules of torch.
 copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
+copyreg.pickle(Coverage, _parts)
+copyreg.pickle(Texture, lambda texture: (_texture, tuple(texture.levels)))
+copyreg.pickle(SparseMatrix, lambda matrix: (SparseMatrix, (matrix.shape, *matrix.entries)))
+copyreg.pickle(Prefilter, lambda prefilter: (Prefilter, (prefilter.extent, prefilter.levels)))
 
 # The arrays of a call are of one type.
-_T = TypeVar("_T", np.float32, np.float64)
-_Array = TypeVar("_Array")
+_T = TypeVar("_T", "np.float32", "np.float64")
+_P = ParamSpec("_P")
+
+_LATER = (
+    {"Slope": "_check", "check": "_check"}
+    | dict.fromkeys(("Dual", "hvp", "jvp"), "_dual")
+    | dict.fromkeys(("Fit", "Learning", "Parameter", "Picture", "Scene", "View", "fit"), "_scenes")
+)
 
 
-@dataclass(frozen=True)
-class Fragments(Generic[_Array]):
-    """The covered samples of an image.
-
-    `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face, `weight`
-    `[K]` is the share of its pixel that each piece of exact coverage has, `None` without, and `clip` `[V, 4]` are the
-    positions that were rasterized. Fragments at pixel centres come first, then pieces.
-    """
-
-    barycentrics: _Array
-    weight: _Array | None
-    clip: _Array
-    coverage: Coverage
-
-    def __len__(self) -> int:
-        return len(self.coverage)
-
-    @property
-    def faces(self) -> NDArray[np.uint32]:
-        """The face of each fragment, `[N]`."""
-        return self.coverage.faces
-
-    @property
-    def pixels(self) -> NDArray[np.uint32]:
-        """The pixel of each fragment, `[N]`: row times width plus column."""
-        return self.coverage.pixels
-
-    @property
-    def arrays(self) -> tuple[_Array, _Array, _Array | None]:
-        """Barycentrics, clip positions and weights: what operations on fragments have gradients for."""
-        return self.barycentrics, self.clip, self.weight
-
-    def replace(self, **fields: Any) -> Fragments[_Array]:
-        """The same fragments with other arrays of the same shapes."""
-        return replace(self, **fields)
+def __getattr__(name: str) -> Any:
+    """What needs numpy from its first line on, loaded where it is asked for: the import of numpy takes longest."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # The module is an attribute of this one once it is loaded.
+    __import__(f"{__name__}.{_LATER[name]}")
+    value = globals()[name] = getattr(globals()[_LATER[name]], name)
+    return value
 
 
-def _size(size: int | Sequence[int]) -> tuple[int, int]:
-    """Height and width of a size, or of a square."""
-    height, width = size if isinstance(size, (Sequence, np.ndarray)) else (size, size)
-    return operator.index(height), operator.index(width)
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})
 
 
-def _detail(level: Any, differentials: Any, bias: Any) -> bool:
+def _detail(level: Any, differentials: Any, bias: Any, mips: Any) -> bool:
     """Whether a texture is sampled at levels of detail. What would be ignored is refused."""
+    if mips and level is None and differentials is None:
+        raise RenderError("mips are levels of detail: a sample of them needs a level or differentials, got neither")
     if level is not None and (differentials is not None or bias is not None):
         raise RenderError("a sample has a level, or differentials with a bias, got both")
     if bias is not None and differentials is None:
@@ -110,23 +119,23 @@ def _detail(level: Any, differentials: Any, bias: Any) -> bool:
     return level is not None or differentials is not None
 
 
-def _like(value: ArrayLike, array: NDArray[_T]) -> NDArray[_T]:
+def _levels(texels: Any, mips: Any) -> tuple[Texture | None, list[Any]]:
+    """A texture that stays, or the levels that were given."""
+    if not isinstance(texels, Texture):
+        return None, [texels, *(mips or ())]
+    if mips:
+        raise RenderError("a Texture has levels of its own, and a sample of it was given mips")
+    return texels, []
+
+
+def _like(value: ArrayLike | Dual, array: NDArray[_T]) -> NDArray[_T]:
     """A number or a list as an array of the type of another array; arrays stay as they are."""
-    return value if isinstance(value, np.ndarray) else np.asarray(value, array.dtype)
+    if isinstance(value, type(array)):
+        return value
+    import numpy as np
 
-
-def _surface(
-    material: Sequence[Any], lights: Sequence[tuple[Any, ...]]
-) -> tuple[list[str], list[Any], list[Any]]:
-    """The kinds of lights, three arrays of a material, and two of each light: `None` for those not there."""
-    if hasattr(material, "shape") or len(material) > 3:
-        given = type(material).__name__ if hasattr(material, "shape") else f"{len(material)} arrays"
-        raise RenderError(f"a material needs to be a list of at most 3 arrays, got {given}")
-    for kind, *arrays in lights:
-        if not 1 <= len(arrays) <= 2:
-            raise RenderError(f"a light needs one or two arrays, got {len(arrays)} for {kind!r}")
-    of_lights = [values for _, *arrays in lights for values in (*arrays, None)[:2]]
-    return [kind for kind, *_ in lights], [*material, None, None, None][:3], of_lights
+    array_of: Any = value if isinstance(value, np.ndarray) or hasattr(value, "tangent") else np.asarray(value, array.dtype)
+    return array_of
 
 
 def _only(recorded: tuple[tuple[NDArray[_T]], PullBack]) -> tuple[NDArray[_T], PullBack]:
@@ -168,14 +177,14 @@ def pinhole(
     of the first pixel is (0, 0). `near` and `far` are distances along the view axis; `far` may be infinite. Gradients:
     of the intrinsics.
     """
-    return _only(_native.pinhole(intrinsics, *_size(size), near, far))
+    return _only(_native.pinhole(intrinsics, *size_of(size), near, far))
 
 
 def orthographic(
     intrinsics: NDArray[_T], size: int | Sequence[int], near: float, far: float
 ) -> tuple[NDArray[_T], PullBack]:
     """As `pinhole`, for parallel rays: `intrinsics` `[4]` are pixels per unit and the centre, (sx, sy, cx, cy)."""
-    return _only(_native.orthographic(intrinsics, *_size(size), near, far))
+    return _only(_native.orthographic(intrinsics, *size_of(size), near, far))
 
 
 def distort(points: NDArray[_T], coefficients: ArrayLike) -> tuple[NDArray[_T], PullBack]:
@@ -248,7 +257,7 @@ def rasterize(
     Returns `Fragments` and the pull-back of their barycentrics, and with `exact` of their weights, to `clip` (then to
     the creases' attributes, which get none).
     """
-    height, width = _size(size)
+    height, width = size_of(size)
     pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
     coverage, found, pull_back = _native.rasterize(
         clip, mesh, height, width, cull, exact, pairs, crease_tolerance=crease_tolerance
@@ -343,6 +352,7 @@ def render(
     within a pixel, too. With a `reference` image: the sum of the squared errors, `[]`. Gradients: of positions, camera,
     colors and background, then of the reference, which gets none.
 
+    >>> import numpy as np
     >>> mesh = Mesh(np.array([[0, 1, 2]]), 3)
     >>> clip = np.array([[-0.5, -0.5, 0, 1], [0.5, -0.5, 0, 1], [0, 0.6, 0, 1]])
     >>> image, _ = render(clip, mesh, np.ones((3, 1)), 8)
@@ -353,7 +363,7 @@ def render(
     >>> float(loss), float(abs(clip_bar).max())
     (0.0, 0.0)
     """
-    height, width = _size(size)
+    height, width = size_of(size)
     matrix, behind = [value if value is None else _like(value, positions) for value in (camera, background)]
     recorded = _native.render(
         positions, matrix, colors, behind, mesh, height, width, color_mesh, cull, silhouettes, reference,
@@ -374,22 +384,24 @@ def mipmaps(texels: NDArray[_T], coarsest: int | None = None) -> tuple[tuple[NDA
 
 
 def _sample(
-    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T], coordinates: NDArray[_T],
-    level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None, filter: str,
-    border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
+    function: Callable[..., tuple[tuple[NDArray[_T]], PullBack]], texels: NDArray[_T] | Texture,
+    coordinates: NDArray[_T], level: ArrayLike | None, differentials: NDArray[_T] | None, bias: ArrayLike | None,
+    filter: str, border: str | Sequence[str], coarsest: int | None, probes: int, mips: Sequence[NDArray[_T]] | None,
 ) -> tuple[NDArray[_T], PullBack]:
     level, bias = [value if value is None else _like(value, coordinates) for value in (level, bias)]
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
-    levels = [texels, *(mips or ())]
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
+    still, levels = _levels(texels, mips)
     return _only(
-        function(coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps)
+        function(
+            coordinates, level, differentials, bias, levels, filter, borders, coarsest, probes, makes_mipmaps, still
+        )
     )
 
 
 def sample_texture(
-    texels: NDArray[_T], coordinates: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, coordinates: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     border: str | Sequence[str] = "wrap", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[NDArray[_T]] | None = None,
@@ -400,6 +412,14 @@ def sample_texture(
     and a `bias`; without either it is the finest. `filter` is "nearest", "bilinear", "trilinear" or "anisotropic",
     `border` "wrap", "mirror", "clamp" or "zero", or one for u and one for v. `mips` are coarser levels of one's own.
     Gradients: of coordinates, level, differentials, bias, texels and mips.
+
+    Mipmaps of an array are made in each call. Those of a `Texture` were made with it; then gradients end with the bias.
+
+    >>> import numpy as np
+    >>> texture = Texture(np.arange(16.0).reshape(4, 4, 1))
+    >>> middle = np.array([[0.5, 0.5]])
+    >>> [float(sample_texture(texture, middle, level=level)[0].item()) for level in (0, 2)]
+    [7.5, 7.5]
     """
     return _sample(
         _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
@@ -407,7 +427,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: NDArray[_T], directions: NDArray[_T], *, level: ArrayLike | None = None,
+    texels: NDArray[_T] | Texture, directions: NDArray[_T], *, level: ArrayLike | None = None,
     differentials: NDArray[_T] | None = None, bias: ArrayLike | None = None, filter: str = "trilinear",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[NDArray[_T]] | None = None,
 ) -> tuple[NDArray[_T], PullBack]:
@@ -473,7 +493,7 @@ def shade(
 
     Gradients: of normals, views, positions, three of the material, and two of each light; `None` for those not there.
     """
-    kinds, of_material, of_lights = _surface(material, lights)
+    kinds, of_material, of_lights = surface_of(material, lights)
     own = [_like(values, normals) for values in of_material if values is not None]
     more = [values if values is None else _like(values, normals) for values in of_lights]
     places = positions if positions is None else _like(positions, normals)
@@ -536,3 +556,67 @@ def srgb_encode(x: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
 def srgb_decode(y: NDArray[_T]) -> tuple[NDArray[_T], PullBack]:
     """Linear numbers of sRGB ones. Gradients: of the input."""
     return _only(_native.srgb_decode(y))
+
+
+@overload
+def _of_numpy(describe: Callable[_P, Single]) -> Callable[_P, tuple[NDArray[Any], PullBack]]: ...
+@overload
+def _of_numpy(describe: Callable[_P, Step]) -> Callable[_P, tuple[Any, PullBack]]: ...
+def _of_numpy(describe: Callable[..., Step]) -> Callable[..., tuple[Any, PullBack]]:
+    """The function of numpy arrays that a description tells."""
+
+    def function(*arguments: Any, **options: Any) -> tuple[Any, PullBack]:
+        step = describe(*arguments, **options)
+        first = next((x for x in step.arrays if hasattr(x, "dtype")), None)
+        # Without an array nobody knows a type: the native module says so.
+        arrays = [x if x is None or first is None else _like(x, first) for x in step.arrays]
+        outputs, pull_back = step.run(*arrays)
+        return step.result(outputs), pull_back
+
+    return dressed(function, describe, "bokashi", "tuple[NDArray, PullBack]")
+
+
+# Vectors and rows.
+
+norm = _of_numpy(_operations.norm)
+normalize = _of_numpy(_operations.normalize)
+dot = _of_numpy(_operations.dot)
+cross = _of_numpy(_operations.cross)
+matmul = _of_numpy(_operations.matmul)
+gather_rows = _of_numpy(_operations.gather_rows)
+scatter_add_rows = _of_numpy(_operations.scatter_add_rows)
+sparse_product = _of_numpy(_operations.sparse_product)
+sigmoid = _of_numpy(_operations.sigmoid)
+softplus = _of_numpy(_operations.softplus)
+
+# Losses.
+
+squared_error = _of_numpy(_operations.squared_error)
+mean_error = _of_numpy(_operations.mean_error)
+ssim_error = _of_numpy(_operations.ssim_error)
+multiscale_ssim_error = _of_numpy(_operations.multiscale_ssim_error)
+silhouette_error = _of_numpy(_operations.silhouette_error)
+depth_error = _of_numpy(_operations.depth_error)
+halved = _of_numpy(_operations.halved)
+
+# Regularizers.
+
+total_variation = _of_numpy(_operations.total_variation)
+laplacian_error = _of_numpy(_operations.laplacian_error)
+edge_length_error = _of_numpy(_operations.edge_length_error)
+normal_error = _of_numpy(_operations.normal_error)
+rigid_error = _of_numpy(_operations.rigid_error)
+
+# Layers.
+
+eye_depth_slope = _of_numpy(_operations.eye_depth_slope)
+rasterize_behind = _of_numpy(_operations.rasterize_behind)
+depth_layers = _of_numpy(_operations.depth_layers)
+composite_layers = _of_numpy(_operations.composite_layers)
+lens_picture = _of_numpy(_operations.lens_picture)
+
+# Environments.
+
+prefiltered = _of_numpy(_operations.prefiltered)
+irradiance = _of_numpy(_operations.irradiance)
+shade_in_environment = _of_numpy(_operations.shade_in_environment)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import os
 import pathlib
 import sys
@@ -36,6 +35,30 @@ class Picture(np.ndarray):
 
     def _repr_png_(self) -> bytes | None:
         return self.png() if self.ndim == 3 and self.shape[2] == 3 and self.size else None
+
+
+class View:
+    """A mesh that a reader turns and zooms in a notebook, or in a page of its own.
+
+    `positions` are `[V, 3]`, y up; `colors` `[V, 3]`, or `[V, 1]` for greys, from 0 to 1 as pixels stand for them.
+    """
+
+    def __init__(
+        self, positions: NDArray[Any], mesh: _native.Mesh, colors: NDArray[Any] | None = None, caption: str = ""
+    ) -> None:
+        self.mesh, self.caption = mesh, caption
+        self._page = _native.mesh_page(positions, mesh, colors, caption)
+
+    def save(self, path: Path) -> None:
+        """Writes a page that needs nothing beside it."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(f"<!doctype html><meta charset=utf-8>{self._page}")
+
+    def _repr_html_(self) -> str:
+        return self._page
+
+    def __repr__(self) -> str:
+        return f"View({self.mesh!r})"
 
 
 class Scene:
@@ -103,8 +126,8 @@ class _Run:
         self.milliseconds: list[float] = []
         self.interrupted = False
 
-    def _step(self) -> tuple[int, float, float] | None:
-        """A step: its number, loss and milliseconds; or none at the end."""
+    def _step(self) -> bool:
+        """Does a step, and keeps its loss and milliseconds; or says that it is the end."""
         raise NotImplementedError
 
     def run(
@@ -118,14 +141,10 @@ class _Run:
         bar = _bar(self, progress)
         try:
             while steps is None or steps > 0:
-                stepped = self._step()
-                if stepped is None:
+                if not self._step():
                     break
                 steps = None if steps is None else steps - 1
-                _, loss, milliseconds = stepped
-                self.losses.append(loss)
-                self.milliseconds.append(milliseconds)
-                bar.update(loss)
+                bar.update(self.loss)
                 if callback is not None and callback(self) is False:
                     break
         except KeyboardInterrupt:
@@ -156,9 +175,6 @@ class _Run:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.step} of {self.steps} steps, loss {self.loss:.3e})"
 
-    def _repr_html_(self) -> str:
-        return f"<p>{html.escape(repr(self))}</p>{_curve(self.losses)}"
-
 
 class Fit(_Run):
     """A fit of a scene: see `Scene.fit`."""
@@ -169,8 +185,8 @@ class Fit(_Run):
         super().__init__()
         self._fit = fit
 
-    def _step(self) -> tuple[int, float, float] | None:
-        return self._fit.step()
+    def _step(self) -> bool:
+        return self._fit.step(self.losses, self.milliseconds)
 
     @property
     def ended(self) -> str | None:
@@ -192,6 +208,9 @@ class Fit(_Run):
     def save(self, path: Path) -> None:
         """Saves the fit to a file, from which `Scene.fit(resume=path)` goes on to the same bits."""
         self._fit.save(os.fspath(path))
+
+    def _repr_html_(self) -> str:
+        return self._fit.page(repr(self), self.losses)
 
     def save_results(self, folder: Path) -> list[pathlib.Path]:
         """Writes meshes, textures, cameras and pictures of what was learnt into a folder; returns their names."""
@@ -220,39 +239,13 @@ class Learning(_Run):
         super().__init__()
         self._fit, self.pipeline = fit, pipeline
         self.ended: str | None = None
-        # The native fit is locked while it calls the pipeline: whoever asks it then would wait for ever.
-        self._steps, self._done, self._is_stepping = fit.steps, fit.steps_done, False
 
-    def _step(self) -> tuple[int, float, float] | None:
-        if self._is_stepping:
-            raise RuntimeError("a fit does one step at a time, and was called from its own pipeline or another thread")
-        self._is_stepping = True
-        try:
-            stepped = self._fit.step(self.pipeline)
-            self._done = self._fit.steps_done
-        finally:
-            self._is_stepping = False
-        if isinstance(stepped, str):
-            self.ended = stepped
-            return None
-        return stepped
+    def _step(self) -> bool:
+        self.ended = self._fit.step(self.pipeline, self.losses, self.milliseconds)
+        return self.ended is None
 
-    @property
-    def step(self) -> int:
-        """How many steps are done."""
-        return self._done
-
-    @property
-    def steps(self) -> int:
-        """How many steps there are."""
-        return self._steps
-
-    @property
-    def parameters(self) -> dict[str, NDArray[Any]]:
-        """What is learnt, by name. Not to be had while a step is under way: the pipeline is given it."""
-        if self._is_stepping:
-            raise RuntimeError("parameters can be had between two steps, and a step is under way")
-        return self._fit.parameters
+    def _repr_html_(self) -> str:
+        return _native.learning_page(repr(self), self.losses, list(self.parameters.items()))
 
 
 # Of a dictionary of arrays it returns a loss and a dictionary of gradients.
@@ -286,29 +279,6 @@ def fit(
     learning = Learning(_native.Learning(given, steps, cosine, floor, loss_below, patience), pipeline)
     learning.run(callback, progress=progress)
     return learning
-
-
-def _curve(losses: list[float], width: int = 480, height: int = 160) -> str:
-    """The losses as a line, on a logarithmic axis where all are positive."""
-    values = np.asarray(losses, float)
-    values = values[np.isfinite(values)]
-    if len(values) < 2:
-        return ""
-    is_logarithmic = bool((values > 0).all())
-    heights = np.log10(values) if is_logarithmic else values
-    low, high = float(heights.min()), float(heights.max())
-    x = np.linspace(0, width, len(heights))
-    y = height - (heights - low) / max(high - low, 1e-12) * height
-    # No more points than can be seen.
-    every = max(1, len(x) // (2 * width))
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[::every], y[::every]))
-    scale = "logarithmic" if is_logarithmic else "linear"
-    label = f"loss, {scale}: {values.max():.3g} to {values.min():.3g} in {len(losses)} steps"
-    return (
-        f'<svg viewBox="-4 -4 {width + 8} {height + 24}" width="{width}" role="img" aria-label="{label}">'
-        f'<polyline points="{points}" fill="none" stroke="currentColor" stroke-width="1.5"/>'
-        f'<text x="0" y="{height + 16}" font-size="12" fill="currentColor">{label}</text></svg>'
-    )
 
 
 class _Plain:

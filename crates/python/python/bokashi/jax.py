@@ -28,7 +28,7 @@ import itertools
 import secrets
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Any, Union
+from typing import Any, ParamSpec, Union, overload
 
 import jax
 import jax.numpy as jnp
@@ -36,20 +36,31 @@ import numpy as np
 from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
-from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
+from . import (
+    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
+    _detail, _levels, _native, _operations, num_threads, set_num_threads,
+)
 from . import Mesh as _Mesh
+from ._given import size_of, surface_of
+from ._operations import Single, Step, dressed
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "affine_inverse", "antialias_image", "depth", "depth_of_field",
-    "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye", "gaussian_blur",
-    "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over", "perturbed_normals",
-    "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render", "rigid", "sample_cube_map",
-    "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode", "tangents", "transform_normals",
-    "transform_points", "vertex_normals",
+    "Coverage", "Environment", "Fragments", "LensLayer", "Mesh", "Prefilter", "RenderError", "Rigidity",
+    "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
+    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
+    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "gather_rows",
+    "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance", "laplacian_error",
+    "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize",
+    "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project",
+    "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid", "rigid_error",
+    "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment",
+    "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode",
+    "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 # An array, or what becomes one of the type of the others.
 Value = Union[jax.typing.ArrayLike, Sequence]
+_P = ParamSpec("_P")
 
 jax.tree_util.register_dataclass(Fragments, ["barycentrics", "weight", "clip"], ["coverage"])
 
@@ -230,12 +241,12 @@ def project_instances(positions: Array, matrices: Value, camera: Value) -> Array
 
 def pinhole(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
     """As `bokashi.pinhole`."""
-    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), _matrix, _array(intrinsics))
+    return _only(lambda x: _native.pinhole(x, *size_of(size), near, far), _matrix, _array(intrinsics))
 
 
 def orthographic(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
     """As `bokashi.orthographic`."""
-    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), _matrix, _array(intrinsics))
+    return _only(lambda x: _native.orthographic(x, *size_of(size), near, far), _matrix, _array(intrinsics))
 
 
 def distort(points: Array, coefficients: Value) -> Array:
@@ -293,7 +304,7 @@ def rasterize(
 ) -> Fragments[Array]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`. Outside of `jit` alone."""
     clip = _array(clip)
-    height, width = _size(size)
+    height, width = size_of(size)
     pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
     meshes = [mesh for _, mesh in pairs]
     found: list[Coverage] = []
@@ -408,7 +419,7 @@ def render(
     reference: Array | None = None, crease_tolerance: float = 2e-3,
 ) -> Array:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
-    height, width = _size(size)
+    height, width = size_of(size)
     positions = _array(positions)
 
     def run(*x):
@@ -443,26 +454,27 @@ def mipmaps(texels: Array, coarsest: int | None = None) -> tuple[Array, ...]:
 
 def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
     borders = (border, border) if isinstance(border, str) else tuple(border)
-    texels = _array(texels)
-    coordinates, level, differentials, bias = (
-        _array(value, texels) for value in (coordinates, level, differentials, bias)
-    )
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
+    still, levels = _levels(texels, mips)
+    finest = _array(levels[0]) if levels else None
+    levels = [_array(values, finest) for values in levels]
+    coordinates = _array(coordinates, finest)
+    level, differentials, bias = (_array(value, coordinates) for value in (level, differentials, bias))
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
+            still,
         )
 
     def shape(*x):
-        return x[0].shape[0], x[4].shape[-1]
+        return x[0].shape[0], still.shape[-1] if still else x[4].shape[-1]
 
-    mips = [_array(values, texels) for values in mips or ()]
-    return _only(run, shape, coordinates, level, differentials, bias, texels, *mips)
+    return _only(run, shape, coordinates, level, differentials, bias, *levels)
 
 
 def sample_texture(
-    texels: Array, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
+    texels: Array | Texture, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
     bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[Array] | None = None,
 ) -> Array:
@@ -473,7 +485,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: Array, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
+    texels: Array | Texture, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
     bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[Array] | None = None,
 ) -> Array:
@@ -528,7 +540,7 @@ def shade(
     positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
 ) -> Array:
     """As `bokashi.shade`."""
-    kinds, of_material, of_lights = _surface(material, lights)
+    kinds, of_material, of_lights = surface_of(material, lights)
     normals = _array(normals)
 
     def run(normals, views, positions, *arrays):
@@ -603,3 +615,68 @@ def srgb_encode(x: Array) -> Array:
 def srgb_decode(y: Array) -> Array:
     """As `bokashi.srgb_decode`."""
     return _only(_native.srgb_decode, _same, _array(y))
+
+
+@overload
+def _of_jax(describe: Callable[_P, Single]) -> Callable[_P, Array]: ...
+@overload
+def _of_jax(describe: Callable[_P, Step]) -> Callable[_P, Any]: ...
+def _of_jax(describe: Callable[..., Step]) -> Callable[..., Any]:
+    """The function of arrays of jax that a description tells."""
+
+    def function(*arguments: Any, **options: Any) -> Any:
+        step = describe(*arguments, **options)
+        typed = next((x for x in step.arrays if hasattr(x, "dtype")), None)
+        first = _array(next(x for x in step.arrays if x is not None) if typed is None else typed)
+        arrays = [_array(x, first) for x in step.arrays]
+        for k in range(len(arrays) - len(step.still), len(arrays)):
+            arrays[k] = _still(arrays[k], first)
+        return step.result(_recorded(step.run, step.shapes, *arrays))
+
+    return dressed(function, describe, "bokashi.jax", "Array", f"As `bokashi.{describe.__name__}`.")
+
+
+# Vectors and rows.
+
+norm = _of_jax(_operations.norm)
+normalize = _of_jax(_operations.normalize)
+dot = _of_jax(_operations.dot)
+cross = _of_jax(_operations.cross)
+matmul = _of_jax(_operations.matmul)
+gather_rows = _of_jax(_operations.gather_rows)
+scatter_add_rows = _of_jax(_operations.scatter_add_rows)
+sparse_product = _of_jax(_operations.sparse_product)
+sigmoid = _of_jax(_operations.sigmoid)
+softplus = _of_jax(_operations.softplus)
+
+# Losses.
+
+squared_error = _of_jax(_operations.squared_error)
+mean_error = _of_jax(_operations.mean_error)
+ssim_error = _of_jax(_operations.ssim_error)
+multiscale_ssim_error = _of_jax(_operations.multiscale_ssim_error)
+silhouette_error = _of_jax(_operations.silhouette_error)
+depth_error = _of_jax(_operations.depth_error)
+halved = _of_jax(_operations.halved)
+
+# Regularizers.
+
+total_variation = _of_jax(_operations.total_variation)
+laplacian_error = _of_jax(_operations.laplacian_error)
+edge_length_error = _of_jax(_operations.edge_length_error)
+normal_error = _of_jax(_operations.normal_error)
+rigid_error = _of_jax(_operations.rigid_error)
+
+# Layers.
+
+eye_depth_slope = _of_jax(_operations.eye_depth_slope)
+rasterize_behind = _of_jax(_operations.rasterize_behind)
+depth_layers = _of_jax(_operations.depth_layers)
+composite_layers = _of_jax(_operations.composite_layers)
+lens_picture = _of_jax(_operations.lens_picture)
+
+# Environments.
+
+prefiltered = _of_jax(_operations.prefiltered)
+irradiance = _of_jax(_operations.irradiance)
+shade_in_environment = _of_jax(_operations.shade_in_environment)

@@ -30,7 +30,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from . import Coverage, Mesh, RenderError, _native
+from . import Coverage, Mesh, RenderError, Texture, _native
 from .torch import _to_array, _to_tensor
 
 __all__ = [
@@ -103,7 +103,7 @@ class _Cache:
         return values[key]
 
 
-_meshes, _coverages = _Cache(), _Cache()
+_meshes, _coverages, _textures = _Cache(), _Cache(), _Cache()
 
 
 def _mesh(tri: Tensor, vertex_count: int) -> Mesh:
@@ -111,6 +111,11 @@ def _mesh(tri: Tensor, vertex_count: int) -> Mesh:
     if tri.dtype != torch.int32 or tri.dim() != 2 or tri.shape[1] != 3:
         raise RenderError(f"tri needs shape [T, 3] and dtype int32, got {list(tri.shape)} and {tri.dtype}")
     return _meshes.get(tri, vertex_count, lambda: Mesh(_to_array(tri), vertex_count))
+
+
+def _of_image(k: int, images: int, error: ValueError) -> ValueError:
+    """What is wrong with image `k` of a batch, in words that name it."""
+    return type(error)(f"image {k}: {error}") if images > 1 else error
 
 
 def _require(name: str, tensor: Tensor, *shape: int | str | tuple[int, ...]) -> None:
@@ -130,9 +135,23 @@ def _ids(rast: Tensor) -> np.ndarray:
     """The triangle ids of images, `[N, H, W]`."""
     _require("rast", rast, "N", "H", "W", 4)
     ids = _to_array(rast)[..., 3]
-    if not (ids >= 0).all():
-        raise RenderError(f"rast needs triangle ids from 0 on, got {ids[~(ids >= 0)][0]}")
+    is_id = (ids >= 0) & (ids < 2**32)
+    if not is_id.all():
+        k, row, column = np.argwhere(~is_id)[0].tolist()
+        rule = f"rast needs triangle ids from 0 on, got {ids[k, row, column]:g} in row {row}, column {column}"
+        raise _of_image(k, len(ids), RenderError(rule))
     return ids.astype(np.uint32)
+
+
+def _read(mesh: Mesh, ids: np.ndarray, clips: Sequence[np.ndarray | None]) -> list[Coverage]:
+    """The coverage of images of triangle ids. With clip positions it knows silhouettes."""
+    found = []
+    for k, (image, clip) in enumerate(zip(ids, clips)):
+        try:
+            found.append(Coverage.from_ids(mesh, np.ascontiguousarray(image), clip))
+        except ValueError as error:
+            raise _of_image(k, len(ids), error) from None
+    return found
 
 
 def _upside_down(positions: np.ndarray) -> np.ndarray:
@@ -140,6 +159,15 @@ def _upside_down(positions: np.ndarray) -> np.ndarray:
     flipped = positions.copy()
     flipped[..., 1] *= -1
     return flipped
+
+
+def _part(mesh: Mesh, k: int, ranges: list[tuple[int, int]]) -> Mesh:
+    """The faces of image `k`, from a first one on."""
+    start, count = ranges[k]
+    try:
+        return mesh.part(start, start + count)
+    except ValueError as error:
+        raise _of_image(k, len(ranges), error) from None
 
 
 class _Images:
@@ -160,7 +188,7 @@ class _Images:
             starts = [(int(start), int(count)) for start, count in ranges.tolist()]
             if any(start < 0 or count < 0 for start, count in starts):
                 raise RenderError(f"ranges need starts and counts from 0 on, got {ranges.tolist()}")
-            self.parts = [(self.mesh.part(start, start + count), start) for start, count in starts]
+            self.parts = [(_part(self.mesh, k, starts), start) for k, (start, _) in enumerate(starts)]
             self.clips = [_upside_down(positions)] * len(starts)
         else:
             given = list(positions.shape)
@@ -190,6 +218,16 @@ class _Images:
         return np.array_equal(_upside_down(given), self.clips[0] if self.is_shared else np.stack(self.clips))
 
 
+def _of_positions(clip: np.ndarray, error: ValueError) -> ValueError:
+    """What is wrong with positions, as they were given: not upside down."""
+    is_finite = np.isfinite(clip).all(1)
+    if is_finite.all():
+        return error
+    vertex = int(is_finite.argmin())
+    x, y, z, w = (clip[vertex] * [1, -1, 1, 1]).tolist()
+    return RenderError(f"clip positions need to be finite, got ({x}, {y}, {z}, {w}) at vertex {vertex}")
+
+
 class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(ctx, pos, images, size, grad_db, fronts, found):
@@ -197,9 +235,12 @@ class _Rasterize(torch.autograd.Function):
         ctx.images, ctx.pulls, ctx.grad_db = images, [], grad_db
         rasts, derivatives = [], []
         for k, ((mesh, first), clip) in enumerate(zip(images.parts, images.clips)):
-            coverage, (uv, depth, slopes), pull_back = _native.rasterize(
-                clip, mesh, height, width, with_depth=True, with_differentials=True, behind=fronts and fronts[k]
-            )
+            try:
+                coverage, (uv, depth, slopes), pull_back = _native.rasterize(
+                    clip, mesh, height, width, with_depth=True, with_differentials=True, behind=fronts and fronts[k]
+                )
+            except ValueError as error:
+                raise _of_image(k, len(images.clips), _of_positions(clip, error)) from None
             found.append(coverage)
             ctx.pulls.append((coverage, pull_back))
             rasts.append(torch.from_numpy(coverage.dense(uv, depth, first)))
@@ -295,7 +336,8 @@ def _coverage_of(rast: Tensor, mesh: Mesh) -> list[tuple[Coverage, Mesh]]:
         return list(zip(found, parts))
 
     def read():
-        return [(Coverage.from_ids(mesh, np.ascontiguousarray(image)), mesh) for image in _ids(rast)]
+        ids = _ids(rast)
+        return [(coverage, mesh) for coverage in _read(mesh, ids, [None] * len(ids))]
 
     return _coverages.get(rast, ("ids", mesh), read)
 
@@ -393,6 +435,24 @@ def interpolate(
     return _Interpolate.apply(attr, rast, rast_db if which is not None else None, coverages, which)
 
 
+def _still(
+    tex: Tensor, levels: list[np.ndarray], k: int, makes_mipmaps: bool, sampler: dict[str, Any]
+) -> Texture:
+    """Image `k` of a texture that needs no gradient, with its mipmaps, made once as long as its numbers stay.
+
+    Numbers are compared each time: torch does not count what is written to `tex.data`.
+    """
+    coarsest = sampler.get("coarsest") if makes_mipmaps else 0
+
+    def make() -> Texture:
+        return Texture(levels[0], mips=levels[1:] or None, coarsest=None if levels[1:] else coarsest)
+
+    made = _textures.get(tex, (k, coarsest, len(levels)), lambda: [make()])
+    if not made[0].holds(levels):
+        made[0] = make()
+    return made[0]
+
+
 class _Texture(torch.autograd.Function):
     @staticmethod
     def forward(ctx, uv, level, uv_da, sampler, makes_mipmaps, *levels):
@@ -402,9 +462,11 @@ class _Texture(torch.autograd.Function):
         call = _native.sample_cube_map if is_cube else _native.sample_texture
         images, height, width, axes = coordinates.shape
         ctx.pulls, ctx.shapes = [], [array.shape for array in texels]
+        ctx.stays = stays = not any(level.requires_grad for level in levels)
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
+            still = _still(levels[0], own, min(k, len(texels[0]) - 1), makes_mipmaps, sampler) if stays else None
             places = coordinates[k].reshape(height * width, axes)
             at_level = bias[k].reshape(-1) if bias is not None else None
             footprints = slopes[k].reshape(height * width, axes, 2) if slopes is not None else None
@@ -414,10 +476,13 @@ class _Texture(torch.autograd.Function):
                 if nowhere.any():
                     places = places.copy()
                     places[nowhere, 0] = 1
-            (values,), pull = call(
-                places, None if footprints is not None else at_level, footprints,
-                at_level if footprints is not None else None, own, **sampler, mipmaps=makes_mipmaps,
-            )
+            of_level = (None, footprints, at_level) if footprints is not None else (at_level, None, None)
+            try:
+                (values,), pull = call(
+                    places, *of_level, [] if still else own, **sampler, mipmaps=makes_mipmaps, still=still
+                )
+            except ValueError as error:
+                raise _of_image(k, images, error) from None
             outs.append(torch.from_numpy(values.reshape(height, width, values.shape[1])))
             ctx.pulls.append((pull, nowhere if is_cube else None))
         ctx.has, ctx.axes = (slopes is not None, bias is not None), axes
@@ -438,7 +503,8 @@ class _Texture(torch.autograd.Function):
         for k, (pull, nowhere) in enumerate(ctx.pulls):
             bar = _to_array(out_bar[k]).reshape(height * width, channels)
             wanted = (
-                wants_uv, wants_level and not has_da, wants_da, wants_level and has_da, *wants_texels,
+                wants_uv, wants_level and not has_da, wants_da, wants_level and has_da,
+                *(() if ctx.stays else wants_texels),
             )
             uv_bar, level_bar, da_bar, bias_bar, *more = pull(bar, wanted=wanted)
             axes = ctx.axes
@@ -502,6 +568,8 @@ def texture(
         raise RenderError(f"boundary_mode needs to be wrap, clamp, zero or cube, got {boundary_mode!r}")
     is_cube = boundary_mode == "cube"
     uses_levels = "mipmap" in filter_mode
+    if mip is not None and not uses_levels:
+        raise RenderError(f"mip needs a filter_mode with mipmaps, and uv_da or mip_level_bias, got {filter_mode}")
     if uses_levels and not has_detail:
         raise RenderError(f"{filter_mode} needs uv_da or mip_level_bias, got neither")
     _require("uv", uv, "N", "H", "W", 3 if is_cube else 2)
@@ -580,9 +648,6 @@ def antialias(
         images.is_shared = True
     else:
         images = _Images(pos, tri)
-    mesh = images.parts[0][0]
-    coverages = [
-        Coverage.from_ids(mesh, np.ascontiguousarray(image), clip) for image, clip in zip(ids, images.clips)
-    ]
+    coverages = _read(images.parts[0][0], ids, images.clips)
     return _Antialias.apply(color, pos, images, coverages, pos_gradient_boost)
 

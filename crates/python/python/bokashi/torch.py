@@ -12,35 +12,48 @@ Surface first: `rasterize` gives the covered samples alone, `[N, ..]`; what is c
 >>> clip.grad.shape
 torch.Size([3, 4])
 
-Second derivatives are refused. Arguments are those of `bokashi`; tensors take the place of arrays and of pairs of value
-and pull-back.
+Derivatives of forward mode (`torch.autograd.forward_ad`) are there, too; second derivatives are refused. Arguments are
+those of `bokashi`; tensors take the place of arrays and of pairs of value and pull-back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Union
+from typing import Any, ParamSpec, Union, overload
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.autograd.forward_ad import unpack_dual
 from torch.autograd.function import once_differentiable
 
-from . import Coverage, Fragments, RenderError, _detail, _native, _size, _surface, num_threads, set_num_threads
+from . import (
+    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
+    _detail, _levels, _native, _operations, num_threads, set_num_threads,
+)
 from . import Mesh as _Mesh
+from ._dual import Dual
+from ._given import size_of, surface_of
+from ._operations import Single, Step, dressed
 
 __all__ = [
-    "Coverage", "Fragments", "Mesh", "RenderError", "Renderer", "affine_inverse", "antialias_image", "depth",
-    "depth_of_field", "differentials", "distort", "downsample", "exposure", "eye_depth", "face_normals", "fisheye",
-    "gaussian_blur", "interpolate", "interpolate_differentials", "mipmaps", "num_threads", "orthographic", "over",
-    "perturbed_normals", "picture", "pinhole", "project", "project_instances", "rasterize", "reflect", "render",
-    "rigid", "sample_cube_map", "sample_texture", "se3", "set_num_threads", "shade", "srgb_decode", "srgb_encode",
-    "tangents", "transform_normals", "transform_points", "vertex_normals",
+    "Coverage", "Environment", "Fragments", "LensLayer", "Mesh", "Prefilter", "RenderError", "Renderer", "Rigidity",
+    "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
+    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
+    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "gather_rows",
+    "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance", "laplacian_error",
+    "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize",
+    "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project",
+    "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid", "rigid_error",
+    "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment",
+    "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode",
+    "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
 # A tensor, or what becomes one of the type of the others.
 Value = Union[Tensor, float, Sequence]
+_P = ParamSpec("_P")
 
 
 def _to_array(tensor: Tensor | None) -> Any:
@@ -65,11 +78,24 @@ class _Recorded(torch.autograd.Function):
     def forward(ctx, run, *tensors):
         outputs, ctx.pull_back = run(*map(_to_array, tensors))
         ctx.set_materialize_grads(False)
+        ctx.save_for_forward(*tensors)
+        ctx.run, ctx.has_tangents = run, False
         return tuple(map(torch.from_numpy, outputs))
+
+    @staticmethod
+    def jvp(ctx, _, *tangents):
+        ctx.has_tangents = True
+        pairs = list(zip(map(_to_array, ctx.saved_tensors), map(_to_array, tangents)))
+        outputs, _ = ctx.run(*(x if v is None else Dual(x, v) for x, v in pairs))
+        dtype = next(x.dtype for x, _ in pairs if x is not None)
+        return tuple(torch.from_numpy(y.tangent.astype(dtype, copy=False)) for y in outputs)
 
     @staticmethod
     @once_differentiable
     def backward(ctx, *upstream):
+        # Tangents of gradients would be lost in silence.
+        if ctx.has_tangents or any(unpack_dual(bar).tangent is not None for bar in upstream if bar is not None):
+            raise RenderError("gradients have no tangents in torch: take bokashi.hvp")
         wanted = ctx.needs_input_grad[1:]
         gradients = ctx.pull_back(*map(_to_array, upstream), wanted=wanted)
         return None, *map(_to_tensor, gradients)
@@ -121,12 +147,12 @@ def project_instances(positions: Tensor, matrices: Value, camera: Value) -> Tens
 
 def pinhole(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
     """As `bokashi.pinhole`."""
-    return _only(lambda x: _native.pinhole(x, *_size(size), near, far), intrinsics)
+    return _only(lambda x: _native.pinhole(x, *size_of(size), near, far), intrinsics)
 
 
 def orthographic(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
     """As `bokashi.orthographic`."""
-    return _only(lambda x: _native.orthographic(x, *_size(size), near, far), intrinsics)
+    return _only(lambda x: _native.orthographic(x, *size_of(size), near, far), intrinsics)
 
 
 def distort(points: Tensor, coefficients: Value) -> Tensor:
@@ -173,7 +199,7 @@ def rasterize(
     creases: Sequence[Tensor | tuple[Tensor, _Mesh | None]] = (), crease_tolerance: float = 2e-3,
 ) -> Fragments[Tensor]:
     """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
-    height, width = _size(size)
+    height, width = size_of(size)
     pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
     meshes = [mesh for _, mesh in pairs]
     found: list[Coverage] = []
@@ -295,7 +321,7 @@ def render(
     reference: Tensor | None = None, crease_tolerance: float = 2e-3,
 ) -> Tensor:
     """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
-    height, width = _size(size)
+    height, width = size_of(size)
     target = _still("reference", reference)
 
     def run(*x):
@@ -322,7 +348,7 @@ class Renderer(torch.nn.Module):
         silhouettes: str = "exact", crease_tolerance: float = 2e-3,
     ) -> None:
         super().__init__()
-        self.mesh, self.size, self.color_mesh = mesh, _size(size), color_mesh
+        self.mesh, self.size, self.color_mesh = mesh, size_of(size), color_mesh
         self.cull, self.silhouettes, self.crease_tolerance = cull, silhouettes, crease_tolerance
 
     def forward(
@@ -349,24 +375,27 @@ def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
 
 
 def _sample(
-    function: Callable, texels: Tensor, coordinates: Tensor, level: Value | None, differentials: Tensor | None,
-    bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None, probes: int,
-    mips: Sequence[Tensor] | None,
+    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None,
+    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None,
+    probes: int, mips: Sequence[Tensor] | None,
 ) -> Tensor:
     borders = (border, border) if isinstance(border, str) else tuple(border)
     level, bias = _like(level, coordinates), _like(bias, coordinates)
-    makes_mipmaps = _detail(level, differentials, bias) and mips is None
+    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
+
+    still, own = _levels(texels, mips)
 
     def run(coordinates, level, differentials, bias, *levels):
         return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps
+            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
+            still,
         )
 
-    return _only(run, coordinates, level, differentials, bias, texels, *(mips or ()))
+    return _only(run, coordinates, level, differentials, bias, *own)
 
 
 def sample_texture(
-    texels: Tensor, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
     coarsest: int | None = None, probes: int = 8, mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
@@ -377,7 +406,7 @@ def sample_texture(
 
 
 def sample_cube_map(
-    texels: Tensor, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
+    texels: Tensor | Texture, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
     bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
     mips: Sequence[Tensor] | None = None,
 ) -> Tensor:
@@ -426,7 +455,7 @@ def shade(
     positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
 ) -> Tensor:
     """As `bokashi.shade`."""
-    kinds, of_material, of_lights = _surface(material, lights)
+    kinds, of_material, of_lights = surface_of(material, lights)
 
     def run(normals, views, positions, *arrays):
         own = [values for values in arrays[:3] if values is not None]
@@ -486,3 +515,71 @@ def srgb_encode(x: Tensor) -> Tensor:
 def srgb_decode(y: Tensor) -> Tensor:
     """As `bokashi.srgb_decode`."""
     return _only(_native.srgb_decode, y)
+
+
+@overload
+def _of_torch(describe: Callable[_P, Single]) -> Callable[_P, Tensor]: ...
+@overload
+def _of_torch(describe: Callable[_P, Step]) -> Callable[_P, Any]: ...
+def _of_torch(describe: Callable[..., Step]) -> Callable[..., Any]:
+    """The function of tensors that a description tells."""
+
+    def function(*arguments: Any, **options: Any) -> Any:
+        step = describe(*arguments, **options)
+        first = next((x for x in step.arrays if isinstance(x, Tensor)), None)
+        tensors = [x if first is None else _like(x, first) for x in step.arrays]
+        count = len(tensors) - len(step.still)
+        spare = [_still(name, tensor) for name, tensor in zip(step.still, tensors[count:])]
+
+        def run(*arrays: Any) -> Any:
+            return step.run(*arrays, *spare)
+
+        return step.result(_record(_with_spare(run, *spare) if spare else step.run, *tensors[:count]))
+
+    return dressed(function, describe, "bokashi.torch", "Tensor", f"As `bokashi.{describe.__name__}`.")
+
+
+# Vectors and rows.
+
+norm = _of_torch(_operations.norm)
+normalize = _of_torch(_operations.normalize)
+dot = _of_torch(_operations.dot)
+cross = _of_torch(_operations.cross)
+matmul = _of_torch(_operations.matmul)
+gather_rows = _of_torch(_operations.gather_rows)
+scatter_add_rows = _of_torch(_operations.scatter_add_rows)
+sparse_product = _of_torch(_operations.sparse_product)
+sigmoid = _of_torch(_operations.sigmoid)
+softplus = _of_torch(_operations.softplus)
+
+# Losses.
+
+squared_error = _of_torch(_operations.squared_error)
+mean_error = _of_torch(_operations.mean_error)
+ssim_error = _of_torch(_operations.ssim_error)
+multiscale_ssim_error = _of_torch(_operations.multiscale_ssim_error)
+silhouette_error = _of_torch(_operations.silhouette_error)
+depth_error = _of_torch(_operations.depth_error)
+halved = _of_torch(_operations.halved)
+
+# Regularizers.
+
+total_variation = _of_torch(_operations.total_variation)
+laplacian_error = _of_torch(_operations.laplacian_error)
+edge_length_error = _of_torch(_operations.edge_length_error)
+normal_error = _of_torch(_operations.normal_error)
+rigid_error = _of_torch(_operations.rigid_error)
+
+# Layers.
+
+eye_depth_slope = _of_torch(_operations.eye_depth_slope)
+rasterize_behind = _of_torch(_operations.rasterize_behind)
+depth_layers = _of_torch(_operations.depth_layers)
+composite_layers = _of_torch(_operations.composite_layers)
+lens_picture = _of_torch(_operations.lens_picture)
+
+# Environments.
+
+prefiltered = _of_torch(_operations.prefiltered)
+irradiance = _of_torch(_operations.irradiance)
+shade_in_environment = _of_torch(_operations.shade_in_environment)

@@ -511,6 +511,7 @@ impl<T: Scalar> SavedBlends<T> {
             + size_of_val(self.steps.as_slice())
             + size_of_val(self.joint.as_slice())
             + size_of_val(self.found.as_slice())
+            + self.lists.bytes()
     }
 
     /// The ranges of what is blended at pixels with several blends, from the aliased values `out`.

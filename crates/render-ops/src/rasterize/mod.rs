@@ -432,6 +432,7 @@ impl<T: Scalar> Op<T> for Rasterize {
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
         let pieces: usize = saved.visibility.bands(0).map(|band| band.pieces.bytes()).sum();
-        saved.layers.iter().map(|coverage| coverage.bytes()).sum::<usize>() + pieces
+        let lists = saved.rows.bytes();
+        saved.layers.iter().map(|coverage| coverage.bytes()).sum::<usize>() + pieces + lists
     }
 }

@@ -1,6 +1,6 @@
 //! Textures and cube maps: levels of detail, from the finest on.
 
-use bokashi_core::{Scalar, Shape, Tensor, TensorError, Var};
+use bokashi_core::{Scalar, Shape, Tape, Tensor, TensorError, Var};
 use glam::DVec3;
 
 use crate::cube_faces::towards_texel;
@@ -22,6 +22,18 @@ pub struct CubeMap<'t, T: Scalar> {
     pub(super) levels: Vec<Var<'t, T>>,
 }
 
+/// A texture that does not change, which outlives a step: see [`Texture::still`].
+#[derive(Debug, Clone)]
+pub struct StillTexture<T: Scalar> {
+    levels: Vec<Tensor<T>>,
+}
+
+/// A cube map that does not change, which outlives a step: see [`CubeMap::still`].
+#[derive(Debug, Clone)]
+pub struct StillCubeMap<T: Scalar> {
+    levels: Vec<Tensor<T>>,
+}
+
 /// # Errors
 /// [`RenderError::Shape`] with `rule`.
 fn refused<T>(operation: &'static str, rule: String, shape: Shape) -> Result<T, RenderError> {
@@ -33,14 +45,17 @@ fn can_be_counted(texels: usize, channels: usize) -> bool {
     texels * channels > 0 && i32::try_from(texels).is_ok()
 }
 
-/// All levels down to a single texel.
+/// All levels down to a single texel or level `coarsest`.
 ///
 /// # Errors
 /// None that a level of the right shape causes.
-fn all_levels<'t, T: Scalar>(finest: Var<'t, T>) -> Result<Vec<Var<'t, T>>, RenderError> {
+fn levels_to<'t, T: Scalar>(
+    finest: Var<'t, T>,
+    coarsest: usize,
+) -> Result<Vec<Var<'t, T>>, RenderError> {
     let mut levels = vec![finest];
     let mut level = finest;
-    loop {
+    while levels.len() <= coarsest {
         let shape = level.shape();
         let &[.., height, width, _] = &*shape else { return Ok(levels) };
         if height <= 1 && width <= 1 {
@@ -49,6 +64,12 @@ fn all_levels<'t, T: Scalar>(finest: Var<'t, T>) -> Result<Vec<Var<'t, T>>, Rend
         level = halved(level)?;
         levels.push(level);
     }
+    Ok(levels)
+}
+
+/// The levels on `tape`, as constants. It copies nothing.
+fn constants<'t, T: Scalar>(levels: &[Tensor<T>], tape: &'t Tape<T>) -> Vec<Var<'t, T>> {
+    levels.iter().map(|level| tape.constant(level)).collect()
 }
 
 /// The levels, where each has half the extents of the level before.
@@ -110,8 +131,17 @@ impl<'t, T: Scalar> Texture<'t, T> {
     /// # Errors
     /// As [`Texture::new`].
     pub fn with_mipmaps(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::with_mipmaps_to(texels, usize::MAX)
+    }
+
+    /// The same without the levels that are coarser than level `coarsest`: for samplers that use none of
+    /// them, see [`Sampler::coarsest`](crate::Sampler::coarsest). Level 0 has the texels as they are.
+    ///
+    /// # Errors
+    /// As [`Texture::new`].
+    pub fn with_mipmaps_to(texels: Var<'t, T>, coarsest: usize) -> Result<Self, RenderError> {
         Self::check(texels)?;
-        Ok(Self { levels: all_levels(texels)? })
+        Ok(Self { levels: levels_to(texels, coarsest)? })
     }
 
     /// The texture of `levels` of the caller's own, the finest first. Each has half the height and
@@ -129,6 +159,25 @@ impl<'t, T: Scalar> Texture<'t, T> {
 
     /// The levels, the finest first.
     pub fn levels(&self) -> &[Var<'t, T>] {
+        &self.levels
+    }
+
+    /// The texture without its tape, for other steps and other tapes: of texels that do not change, whose
+    /// mipmaps need be made once. It copies nothing.
+    pub fn still(&self) -> StillTexture<T> {
+        StillTexture { levels: self.levels.iter().map(|level| level.value()).collect() }
+    }
+}
+
+impl<T: Scalar> StillTexture<T> {
+    /// The texture on `tape`, as constants: samples of it have no gradient of the texels. It copies
+    /// nothing.
+    pub fn on<'t>(&self, tape: &'t Tape<T>) -> Texture<'t, T> {
+        Texture { levels: constants(&self.levels, tape) }
+    }
+
+    /// The levels, the finest first.
+    pub fn levels(&self) -> &[Tensor<T>] {
         &self.levels
     }
 }
@@ -167,8 +216,17 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
     /// # Errors
     /// As [`CubeMap::new`].
     pub fn with_mipmaps(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::with_mipmaps_to(texels, usize::MAX)
+    }
+
+    /// The same without the levels that are coarser than level `coarsest`, as in
+    /// [`Texture::with_mipmaps_to`].
+    ///
+    /// # Errors
+    /// As [`CubeMap::new`].
+    pub fn with_mipmaps_to(texels: Var<'t, T>, coarsest: usize) -> Result<Self, RenderError> {
         Self::check(texels)?;
-        Ok(Self { levels: all_levels(texels)? })
+        Ok(Self { levels: levels_to(texels, coarsest)? })
     }
 
     /// The cube map of `levels` of the caller's own, as in [`Texture::from_levels`]: light that was
@@ -206,6 +264,23 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
 
     /// The levels, the finest first.
     pub fn levels(&self) -> &[Var<'t, T>] {
+        &self.levels
+    }
+
+    /// The cube map without its tape, as in [`Texture::still`].
+    pub fn still(&self) -> StillCubeMap<T> {
+        StillCubeMap { levels: self.levels.iter().map(|level| level.value()).collect() }
+    }
+}
+
+impl<T: Scalar> StillCubeMap<T> {
+    /// The cube map on `tape`, as in [`StillTexture::on`].
+    pub fn on<'t>(&self, tape: &'t Tape<T>) -> CubeMap<'t, T> {
+        CubeMap { levels: constants(&self.levels, tape) }
+    }
+
+    /// The levels, the finest first.
+    pub fn levels(&self) -> &[Tensor<T>] {
         &self.levels
     }
 }

@@ -40,6 +40,7 @@ mod squared_error;
 mod srgb;
 mod tangents;
 mod texture;
+mod texture_levels;
 mod transform_normals;
 mod transform_points;
 mod vertex_normals;

@@ -24,7 +24,7 @@ const FILTERS: [TextureFilter; 4] = [
 ];
 
 /// Numbers without a pattern, from -1 to 1.
-fn motley<T: Scalar>(shape: impl Into<bokashi_core::Shape>, seed: usize) -> Tensor<T> {
+pub(crate) fn motley<T: Scalar>(shape: impl Into<bokashi_core::Shape>, seed: usize) -> Tensor<T> {
     Tensor::from_flat_fn(shape, |k| {
         let k = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(seed * 0x1234_5677);
         T::from_f64((k.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f64 / (1 << 23) as f64 - 1.0)
@@ -32,12 +32,12 @@ fn motley<T: Scalar>(shape: impl Into<bokashi_core::Shape>, seed: usize) -> Tens
 }
 
 /// Coordinates in and around the texture.
-fn coordinates<T: Scalar>(count: usize) -> Tensor<T> {
+pub(crate) fn coordinates<T: Scalar>(count: usize) -> Tensor<T> {
     motley::<T>([count, 2], 5).map(|u| T::from_f64(0.5) + T::from_f64(1.4) * u)
 }
 
 /// Footprints of 0.3 to 30 texels of a texture of some 30, long and short, turned.
-fn differentials(count: usize, rows: usize) -> Tensor<f64> {
+pub(crate) fn differentials(count: usize, rows: usize) -> Tensor<f64> {
     let numbers = motley::<f64>([count, 2 * rows], 9);
     Tensor::from_fn([count, rows, 2], |[n, i, k]| {
         f64::powi(2.0, (n % 7) as i32 - 6) * numbers[[n, 2 * i + k]]
