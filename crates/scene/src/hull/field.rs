@@ -89,3 +89,70 @@ pub(super) fn smoothed(grid: &Grid, mut values: Vec<f32>) -> Vec<f32> {
     }
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The distance from a ball.
+    fn ball(center: DVec3, radius: f64) -> impl Fn(DVec3) -> f64 + Sync {
+        move |point| point.distance(center) - radius
+    }
+
+    #[test]
+    fn blocks_that_are_not_looked_into_have_the_sign_of_the_field() {
+        // Blocks are cut off at the ends, and the ball is a point of some cells in one case.
+        for (shape, radius) in
+            [([20, 9, 33], 0.4), ([8, 8, 8], 0.3), ([41, 40, 39], 0.05), ([2, 2, 2], 1.0)]
+        {
+            let grid = Grid::new(shape, [-0.5; 3], 0.04).unwrap();
+            let field = ball(DVec3::new(0.1, -0.2, 0.3), radius);
+            let values = sampled(&grid, &field);
+            assert_eq!(values.len(), grid.point_count());
+            for (point, value) in values.into_iter().enumerate() {
+                let expected = field(DVec3::from(grid.position(point))) as f32;
+                assert_eq!(value < 0.0, expected < 0.0, "{shape:?} {point}");
+                assert!(value == expected || expected.abs() > 0.04, "{value} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn means_over_neighbours_keep_what_is_straight_and_leave_no_thin_sheet() {
+        let grid = Grid::new([5, 6, 7], [0.0; 3], 1.0).unwrap();
+        let sampled = |value: &dyn Fn([f64; 3]) -> f64| grid.sampled::<f32>(value).data().to_vec();
+        let plane = sampled(&|[x, y, z]| x + 2.0 * y - 3.0 * z);
+        let smooth = smoothed(&grid, plane.clone());
+        for point in 0..grid.point_count() {
+            let place = grid.place(point);
+            let is_inner = (0..3).all(|axis| (1..grid.shape()[axis] - 1).contains(&place[axis]));
+            assert!(!is_inner || (smooth[point] - plane[point]).abs() < 1e-5);
+        }
+        let sheet = |thickness: f64| {
+            let field = sampled(&|[x, ..]| (x - 2.0).abs() - 0.5 * thickness);
+            smoothed(&grid, smoothed(&grid, field)).into_iter().any(|value| value < 0.0)
+        };
+        assert!(!sheet(0.5) && sheet(2.0));
+    }
+
+    proptest! {
+        #[test]
+        fn as_many_views_as_are_left_out_may_say_anything(
+            distances in prop::collection::vec(-1.0..1.0_f64, 1..9),
+            lies in prop::collection::vec(-9.0..9.0_f64, 0..4),
+        ) {
+            let largest = distances.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let mut all = [distances.clone(), lies.clone()].concat();
+            let views = all.len();
+            let found = agreed(&mut all, views, lies.len(), 5.0);
+            // Views that lie put places inside, never outside.
+            prop_assert!(found <= largest);
+            prop_assert!(lies.iter().any(|lie| *lie < largest) || found == largest);
+            let mut said = distances.clone();
+            prop_assert_eq!(agreed(&mut said, 2 * distances.len(), 0, 5.0), largest);
+            prop_assert_eq!(agreed(&mut said, 2 * distances.len() + 1, 0, 5.0), 5.0);
+            prop_assert_eq!(agreed(&mut said, 1, distances.len(), 5.0), 5.0);
+        }
+    }
+}
