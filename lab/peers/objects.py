@@ -213,7 +213,8 @@ def fit(args):
         shutil.copy(args.folder / name / "transforms.json", photographs)
         start = time.time()
         subprocess.run([args.bokashi, "new", scene, "--images", photographs], check=True)
-        subprocess.run([args.bokashi, "fit", scene / "scene.toml", "--out", scene / "out"], check=True)
+        to = ["--out", scene / "out", "--json", scene / "scores.json"]
+        subprocess.run([args.bokashi, "fit", scene / "scene.toml", *to], check=True)
         (scene / "seconds").write_text(str(time.time() - start))
 
 
@@ -236,7 +237,7 @@ def score(args):
             cKDTree(drawn(to, 2_000_000, 1)).query(drawn(of, 20_000, 0))[0] / half
             for of, to in ((truth, found), (found, truth))
         ]
-        views = json.loads((out / "numbers.json").read_text())["views"]
+        views = json.loads((args.runs / name / "scores.json").read_text())["views"]
         held_out = [view for view in views if view["held_out"]]
         psnr, iou = (np.mean([view[key] for view in held_out]) for key in ("psnr", "silhouette_iou"))
         seconds = float((args.runs / name / "seconds").read_text())
