@@ -227,7 +227,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::picture::{Depth, Mask, Picture};
+    use crate::picture::{Depth, Picture};
     use crate::scene::Scene;
 
     const SIZE: [usize; 2] = [7, 5];
