@@ -14,7 +14,7 @@ use bokashi_scene::{
     Folder, Geometry, MeshKind, MeshOptions, Model, SceneError, glb, ply, read_model_bytes,
     read_model_with,
 };
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 /// The endings of names of mesh files.
@@ -143,7 +143,7 @@ fn comes_back(model: &Model, folder: &Folder) -> Result<bool, SceneError> {
     let bare = |geometry: &Geometry| Geometry { offset: DVec3::ZERO, ..geometry.clone() };
     let mut same = back.geometries == model.geometries.iter().map(bare).collect::<Vec<_>>();
     for geometry in &model.geometries {
-        let written = ply(geometry, &model.materials, |_| None)?;
+        let written = ply(geometry, &[DMat4::from_translation(geometry.offset)], &model.materials, |_| None)?;
         let back = read_model_bytes(&written, MeshKind::Ply, folder, "written.ply", options)?;
         same &= back.geometries.len() == 1 && back.geometries[0].faces == geometry.faces;
     }

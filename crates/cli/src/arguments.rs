@@ -137,6 +137,9 @@ pub(crate) struct FitArguments {
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
+    /// At the end an animated picture from all around what was learnt, views/turntable.png in --out
+    #[arg(long)]
+    pub(crate) turntable: bool,
     /// Save the fit in --out after every N steps; it is saved each minute and at its end anyway
     #[arg(long, value_name = "N", value_parser = steps)]
     pub(crate) save_every: Option<u64>,
@@ -233,6 +236,9 @@ pub(crate) struct RenderArguments {
     /// Only this view [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) view: Option<String>,
+    /// An animated picture from all around the scene, too, turntable.png in --out
+    #[arg(long)]
+    pub(crate) turntable: bool,
     /// Folder for the files [default: out]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -571,7 +577,7 @@ mod tests {
 
     #[test]
     fn every_option_of_a_fit_of_a_scene_is_read() {
-        let line = "fit a.toml --steps 7 --time 2.5 --live --json - --save-every 4 --resume c \
+        let line = "fit a.toml --steps 7 --time 2.5 --live --json - --save-every 4 --resume c --turntable \
              --memory 8GiB --threads 2 --out a --quiet";
         let Some(Command::Fit(fit)) = read(line).expect("all of them").command else {
             panic!("fit")
@@ -579,6 +585,7 @@ mod tests {
         assert_eq!((fit.scene, fit.steps, fit.time), ("a.toml".into(), Some(7), Some(2.5)));
         assert_eq!((fit.live, fit.json, fit.save_every), (Some(0), Some("-".into()), Some(4)));
         assert_eq!((fit.resume, fit.threads), (Some(Some("c".into())), Some(2)));
+        assert!(fit.turntable);
         assert_eq!(
             (fit.memory.memory, fit.out, fit.quiet),
             (Some(8 << 30), Some("a".into()), true)

@@ -8,14 +8,11 @@ use png::{BitDepth, BlendOp, ColorType, DeflateCompression, DisposeOp, Encoder, 
 use crate::error::ReportError;
 use crate::rgb_image::RgbImage;
 
-/// How long the last frame stays, as a multiple of the others.
-const REST: u16 = 15;
-
-/// Frames of one size as an endless animation of `rate` frames per second.
+/// Frames of one size as an endless animation of `rate` frames per second. The last one stays `rest` times as long.
 ///
 /// # Errors
 /// [`ReportError::Picture`] where there is no frame, or one is of another size.
-pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError> {
+pub fn animation(frames: &[RgbImage], rate: u16, rest: u16) -> Result<Vec<u8>, ReportError> {
     let first = frames.first().ok_or_else(|| broken("an animation needs frames, got none"))?;
     let size = |frame: &RgbImage| [frame.width(), frame.height()];
     let [width, height] = size(first);
@@ -45,7 +42,7 @@ pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError>
             writer.set_frame_dimension(w, h).map_err(broken)?;
             writer.set_frame_position(x, y).map_err(broken)?;
         }
-        let delay = if index + 1 == frames.len() { REST } else { 1 };
+        let delay = if index + 1 == frames.len() { rest } else { 1 };
         writer.set_frame_delay(delay, rate).map_err(broken)?;
         writer.write_image_data(frame.crop([x, y, w, h]).bytes()).map_err(broken)?;
     }
@@ -83,28 +80,32 @@ mod tests {
 
     #[test]
     fn a_decoder_reads_every_frame_back() {
-        let file = animation(&frames(), 12).expect("an animation");
+        let file = animation(&frames(), 12, 15).expect("an animation");
         let mut reader =
             png::Decoder::new(std::io::Cursor::new(&file)).read_info().expect("a header");
         assert_eq!(reader.info().animation_control().expect("animated").num_frames, 4);
         let mut canvas = RgbImage::from_pixel(8, 6, [0; 3]);
         let mut buffer = vec![0; reader.output_buffer_size().expect("a size")];
+        let mut delays = Vec::new();
         for frame in frames() {
             let info = reader.next_frame(&mut buffer).expect("a frame");
             let place = *reader.info().frame_control().expect("a place");
+            delays.push(place.delay_num);
             let pixels = buffer[..info.buffer_size()].as_chunks::<3>().0;
             let pixel = |x, y| pixels[(y * info.width + x) as usize];
             let part = RgbImage::from_fn(info.width, info.height, pixel);
             canvas.replace(&part, [place.x_offset, place.y_offset]);
             assert_eq!(canvas, frame);
         }
+        assert_eq!(delays, [1, 1, 1, 15]);
     }
 
     #[test]
     fn no_frames_and_odd_frames_are_errors() {
-        assert!(animation(&[], 12).is_err());
+        assert!(animation(&[], 12, 1).is_err());
         assert!(
-            animation(&[2, 3].map(|height| RgbImage::from_pixel(2, height, [0; 3])), 12).is_err()
+            animation(&[2, 3].map(|height| RgbImage::from_pixel(2, height, [0; 3])), 12, 1)
+                .is_err()
         );
     }
 }

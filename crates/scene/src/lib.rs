@@ -56,6 +56,7 @@ mod shapes;
 mod stopping;
 mod summary;
 mod targets;
+mod turntable;
 mod viewpoint;
 
 /// What images, positions and parameters are.

@@ -18,12 +18,16 @@ const FAR: f64 = 16.0;
 /// origin, else their middle, rounded to whole numbers that `f32` has. Formats with matrices of `f32` then have it,
 /// too.
 pub(crate) fn far_offset([least, most]: [DVec3; 2]) -> DVec3 {
-    let largest = least.abs().max(most.abs()).max_element();
     let middle = (0.5 * (least + most)).as_vec3().round().as_dvec3();
     // What is not finite is refused later.
     let is_finite = [least, most, middle].iter().all(|row| row.is_finite());
-    let is_far = is_finite && largest > FAR * (most - least).max_element();
-    if is_far { middle } else { DVec3::ZERO }
+    if is_finite && is_far([least, most]) { middle } else { DVec3::ZERO }
+}
+
+/// Whether `f32` would lose bits of positions between these bounds.
+pub(crate) fn is_far([least, most]: [DVec3; 2]) -> bool {
+    let largest = least.abs().max(most.abs()).max_element();
+    largest > FAR * (most - least).max_element()
 }
 
 /// How an image goes on beyond its edges: along u and along v.

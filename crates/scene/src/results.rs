@@ -12,9 +12,10 @@ use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
 use crate::description::{Description, LightPlace, Tone, ViewLens};
+use crate::environment::panorama_from_cube;
 use crate::error::{Location, SceneError};
 use crate::file::{check_results, unwritten, write_result};
-use crate::mesh::{glb, ply};
+use crate::mesh::{ObjFiles, glb, is_word, obj, ply};
 use crate::model::Model;
 use crate::object::SurfaceMaterial;
 use crate::picture::{ColorSpace, Picture};
@@ -22,11 +23,18 @@ use crate::scene::Scene;
 use crate::scene_view::SceneView;
 use crate::summary::named_files;
 
+/// The file of the environment's faces, and that of its panorama.
+const FACES: &str = "environment.exr";
+const PANORAMA: &str = "environment-panorama.exr";
+/// What the files of all meshes together are called, without their endings.
+const MESH: &str = "mesh";
+
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, and textures to a PNG each. Cameras go to
-    /// `transforms.json`, the environment to `environment.exr`, and all other numbers to `numbers.json`. All of
-    /// them lie in the folder `out`, which is made where it is missing. Paths of images start at `out`. Each
-    /// file is written whole or not at all.
+    /// Writes the scene's objects to `mesh.glb`, to `mesh.obj` with its MTL, and to a PLY file each, all of them in
+    /// the world, and textures to a PNG each. A PLY has its object once for each of its places. Cameras go to
+    /// `transforms.json`, the environment to `environment.exr`, its six faces, and as a panorama to
+    /// `environment-panorama.exr`, and all other numbers to `numbers.json`. All of them lie in the folder `out`,
+    /// which is made where it is missing. Paths of images start at `out`. Each file is written whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Write`] where the file system refuses; [`SceneError::Content`] for what a format can't
@@ -40,18 +48,7 @@ impl Scene {
             written.push(write_result(out, name, bytes)?);
             Ok::<_, SceneError>(())
         };
-        let model = self.model()?;
-        if !model.geometries.is_empty() {
-            write("mesh.glb", &glb(&model)?)?;
-            let files = self.texture_names(&model);
-            for geometry in &model.geometries {
-                let bytes = ply(geometry, &model.materials, |image| files.get(&image).cloned())?;
-                write(&format!("{}.ply", geometry.name), &bytes)?;
-            }
-        }
-        for (name, texels) in self.textures() {
-            write(&name, &texture_png(texels, &name)?)?;
-        }
+        self.write_meshes(&mut write)?;
         let mut cameras = self.cameras();
         let way = self.folder.seen_from(out)?;
         for view in &mut cameras {
@@ -64,40 +61,91 @@ impl Scene {
         if let Some(texels) = &self.environment {
             let [side, all] = [texels.shape()[1], texels.data().len()];
             let faces = Tensor::from_flat_fn([all / (3 * side), side, 3], |k| texels.data()[k]);
-            let location = Location::new("environment.exr");
-            write("environment.exr", &Picture::from_numbers(&faces)?.encode_exr(&location)?)?;
+            for (name, image) in [(FACES, faces), (PANORAMA, panorama_from_cube(texels)?)] {
+                let bytes = Picture::from_numbers(&image)?.encode_exr(&Location::new(name))?;
+                write(name, &bytes)?;
+            }
         }
         let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
         write("numbers.json", format!("{numbers}\n").as_bytes())?;
         Ok(written)
     }
 
+    /// Meshes and textures.
+    fn write_meshes(
+        &self,
+        write: &mut impl FnMut(&str, &[u8]) -> Result<(), SceneError>,
+    ) -> Result<(), SceneError> {
+        let model = self.model()?;
+        if !model.geometries.is_empty() {
+            write("mesh.glb", &glb(&model)?)?;
+            let files = self.texture_names(&model);
+            let image = |image| files.get(&image).cloned();
+            let ObjFiles { obj, mtl, images } = obj(&model, MESH, image)?;
+            write("mesh.obj", obj.as_bytes())?;
+            write("mesh.mtl", mtl.as_bytes())?;
+            images.iter().try_for_each(|(name, bytes)| write(name, bytes))?;
+            for (geometry, places) in model.geometries.iter().zip(model.places()) {
+                // Without a place it is not in the world.
+                if !places.is_empty() {
+                    let bytes = ply(geometry, &places, &model.materials, image)?;
+                    write(&format!("{}.ply", geometry.name), &bytes)?;
+                }
+            }
+        }
+        for (name, texels) in self.textures() {
+            write(&name, &texture_png(texels, &name)?)?;
+        }
+        Ok(())
+    }
+
     /// The names of all files that [`Scene::save_results`] may write, to be checked before a fit.
     pub fn result_names(&self) -> Vec<PathBuf> {
-        let usual = ["mesh.glb", "transforms.json", "environment.exr", "numbers.json"];
+        let meshes_of_all = ["mesh.glb", "mesh.obj", "mesh.mtl"];
+        let usual = ["transforms.json", FACES, PANORAMA, "numbers.json"];
+        let images = (1..=self.obj_image_count()).map(|number| format!("{MESH}-{number}.png"));
         let meshes = self.objects.iter().map(|object| format!("{}.ply", object.name));
         let textures = self.textures().map(|(name, _)| name);
-        usual
+        meshes_of_all
             .into_iter()
+            .chain(usual)
             .map(String::from)
+            .chain(images)
             .chain(meshes)
             .chain(textures)
             .map(PathBuf::from)
             .collect()
     }
 
-    /// Of each texture the name of its file, and its texels.
-    fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
+    /// Materials with what their files are called after. Those of one name are one.
+    fn named_materials(&self) -> impl Iterator<Item = (String, &SurfaceMaterial)> {
         let materials = self.objects.iter();
         let materials = materials
             .flat_map(|object| object.materials.iter().map(move |material| (object, material)));
-        // Materials of one name are one.
         let mut seen = HashSet::new();
         materials.filter_map(move |(object, material)| {
             let name = object.material_name(material);
-            let texels = material.texture.texels.as_ref()?;
-            seen.insert(name.clone()).then(|| (texture_name(&name), texels))
+            seen.insert(name.clone()).then_some((name, material))
         })
+    }
+
+    /// Of each texture the name of its file, and its texels.
+    fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
+        self.named_materials().filter_map(|(name, material)| {
+            Some((texture_name(&name), material.texture.texels.as_ref()?))
+        })
+    }
+
+    /// How many images the OBJ has that no other result is.
+    fn obj_image_count(&self) -> usize {
+        let counts = self.named_materials().map(|(name, material)| {
+            let SurfaceMaterial { texture, roughness_metallic, normal_map, .. } = material;
+            let is_own = texture.texels.is_some() && !is_word(&texture_name(&name));
+            // Roughness and metallic are two.
+            let gray = 2 * usize::from(roughness_metallic.texels.is_some());
+            usize::from(is_own) + gray + usize::from(normal_map.texels.is_some())
+        });
+        counts.sum()
     }
 
     /// The names of the files of textures, by the numbers of their images in `model`, which is the scene's.
@@ -198,7 +246,7 @@ impl Scene {
                     "name": name, "base_color": base_color, "roughness": roughness, "metallic": metallic
                 })
             });
-            // From the coordinates of its file, which its PLY has, too.
+            // From the coordinates of its file.
             let back = DMat4::from_translation(-object.offset);
             let places = object.places.iter().map(|transform| rows(&(*transform * back)));
             let value = json!({
@@ -246,9 +294,12 @@ fn rows(matrix: &DMat4) -> Value {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::folder::Folder;
     use crate::mesh::read_model;
+    use crate::model::Geometry;
 
     #[test]
     fn an_environment_is_read_again_as_it_was_written() {
@@ -263,6 +314,92 @@ mod tests {
         fs::write(&file, "[environment]\nimage = \"environment.exr\"\n").unwrap();
         assert_eq!(Scene::load(&file).unwrap().environment, Some(texels));
     }
+
+    #[test]
+    fn an_environment_is_read_again_from_its_panorama() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("scene.toml");
+        // From 128 texels on a scene has to ask for so many.
+        for (side, size) in [(8, ""), (64, ""), (128, "size = 128\n")] {
+            fs::write(&file, format!("[environment]\ncolor = [1, 0.5, 3]\nsize = {side}\n"))
+                .unwrap();
+            let mut scene = Scene::load(&file).unwrap();
+            let texels = scene.environment.as_mut().unwrap();
+            // Brighter from face to face.
+            let whole = texels.data().len();
+            *texels = Tensor::from_flat_fn(texels.shape(), |k| 1.0 + (6 * k / whole) as f32);
+            let texels = texels.clone();
+            let written = scene.save_results(directory.path()).unwrap();
+            assert!(written.contains(&directory.path().join("environment-panorama.exr")));
+            let text = format!("[environment]\nimage = \"environment-panorama.exr\"\n{size}");
+            fs::write(&file, text).unwrap();
+            let again = Scene::load(&file).unwrap().environment.unwrap();
+            assert_eq!(again.shape(), texels.shape());
+            // But beside the edges of faces.
+            let is_inside = |k: usize| {
+                let (row, column) = (k / 3 / side % side, k / 3 % side);
+                [row, column].iter().all(|at| (side / 4..side - side / 4).contains(at))
+            };
+            for k in (0..whole).filter(|&k| is_inside(k)) {
+                let off = (again.data()[k] - texels.data()[k]).abs();
+                assert!(off < 1e-5, "{side} {k}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn meshes_are_written_in_the_world() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("scene.toml");
+        let text = "[[meshes]]\nname = \"-my skin\"\nshape = \"cube\"\nmaterial = { texture_size = 2 }\n\
+                    place = { scale = 2, rotation = [0, 0, 1, 1], translation = [5, 0, 0] }\n\
+                    instances = [{ translation = [1, 0, 0] }]\n\
+                    [[meshes]]\nname = \"b\"\nshape = \"plane\"\nmaterial = { texture_size = 2 }\n\
+                    place = { translation = [0, 0, 1e6] }\n";
+        fs::write(&file, text).unwrap();
+        let scene = Scene::load(&file).unwrap();
+        let out = directory.path().join("out");
+        let written = scene.save_results(&out).unwrap();
+        let names = scene.result_names();
+        let is_named = |file: &PathBuf| names.contains(&file.strip_prefix(&out).unwrap().into());
+        assert!(written.iter().all(is_named), "{written:?}");
+        // MTL would take the name of the first texture for options; that of the second is there once.
+        assert!(names.contains(&"mesh-1.png".into()) && !names.contains(&"mesh-2.png".into()));
+        assert!(fs::read_to_string(out.join("mesh.mtl")).unwrap().contains(" b-texture.png\n"));
+        let folder = Folder::new(&out).unwrap();
+        let corners = |files: &[&str]| {
+            let models = files.iter().map(|file| read_model(&folder, file).unwrap());
+            let mut corners = Vec::new();
+            for model in models {
+                assert!(!model.images.is_empty(), "{files:?}: {:?}", model.notes);
+                for placed in &model.placed {
+                    let Geometry { positions, faces, .. } = &model.geometries[placed.geometry];
+                    let point = |&vertex: &u32| {
+                        let point = DVec3::from(positions[vertex as usize].map(f64::from));
+                        placed.transform.transform_point3(point)
+                    };
+                    corners.extend(faces.as_flattened().iter().map(point));
+                }
+            }
+            corners
+        };
+        let expected = corners(&["mesh.glb"]);
+        assert_eq!(expected.len(), 3 * (12 + 12 + 2));
+        for files in [&["mesh.obj"][..], &["-my skin.ply", "b.ply"]] {
+            let found = corners(files);
+            assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().zip(&expected) {
+                assert!(found.distance(*expected) < 1e-5, "{files:?}: {found} {expected}");
+            }
+        }
+        // Without a place an object is not in the world.
+        let mut scene = scene;
+        scene.objects[1].places.clear();
+        let out = directory.path().join("less");
+        let written = scene.save_results(&out).unwrap();
+        assert!(!written.contains(&out.join("b.ply")) && written.contains(&out.join("mesh.obj")));
+    }
+
     /// A scene of a plane with a texture that is learnt.
     fn textured(folder: &Path) -> Scene {
         let text = "[[meshes]]\nname = \"a\"\nshape = \"plane\"\nmaterial = { texture_size = 2 }\n\

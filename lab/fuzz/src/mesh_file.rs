@@ -3,7 +3,7 @@
 use bokashi_scene::{
     Folder, Geometry, Indexed, MeshKind, MeshOptions, Model, NO_ROW, glb, ply, read_model_bytes,
 };
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 use super::files::{beside, in_short, small_image};
 
@@ -67,8 +67,9 @@ fn check(model: &Model, folder: &Folder) {
     let bare: Vec<Geometry> = model.geometries.iter().map(bare).collect();
     assert_eq!(back.expect("what was written can be read").geometries, bare);
     for geometry in &model.geometries {
-        let written =
-            ply(geometry, &model.materials, |_| None).expect("what was read can be written");
+        let places = [DMat4::from_translation(geometry.offset)];
+        let written = ply(geometry, &places, &model.materials, |_| None);
+        let written = written.expect("what was read can be written");
         let back = read_model_bytes(&written, MeshKind::Ply, folder, "mesh", options);
         let back = back.expect("what was written can be read");
         assert_eq!(back.geometries[0].faces, geometry.faces);

@@ -24,6 +24,8 @@ const SIDE: usize = 128;
 const WIDTH: u32 = 640;
 /// Frames per second.
 const RATE: u16 = 6;
+/// How long the last frame stays, as a multiple of the others.
+const REST: u16 = 15;
 /// Between the views, and behind them.
 const GAP: u32 = 4;
 const GROUND: [u8; 3] = [38, 40, 48];
@@ -74,7 +76,7 @@ impl Film {
             return Ok(String::new());
         };
         let [film, end] = FILES;
-        for (name, bytes) in [(film, animation(&frames, RATE)), (end, png(last))] {
+        for (name, bytes) in [(film, animation(&frames, RATE, REST)), (end, png(last))] {
             let bytes = bytes.map_err(|error| Failure::Work(error.to_string()))?;
             write_result(out, name, &bytes)?;
         }
@@ -90,7 +92,7 @@ impl Film {
 }
 
 /// A picture of red, green and blue bytes.
-fn tile(png: &[u8]) -> Result<RgbImage, SceneError> {
+pub(super) fn tile(png: &[u8]) -> Result<RgbImage, SceneError> {
     let picture = Picture::decode(png, &Location::new(FILES[0]))?;
     let Samples::U8(bytes) = &picture.samples else { unreachable!("a PNG of a result has bytes") };
     let (pixels, _) = bytes.as_chunks::<3>();

@@ -92,7 +92,8 @@ fn run_until(
     let (out, json, page) = (options.out(), options.json.as_deref(), page.as_ref());
     let record = record.borrow();
     let time = record.started.elapsed();
-    let results = Results { out, json, page, film: &film, speaks, time };
+    let has_turntable = options.turntable;
+    let results = Results { out, json, page, film: &film, has_turntable, speaks, time };
     let written = save_views(&fit, out).map_err(Failure::from);
     let written =
         written.and_then(|scores| fit.on_first(|| results.write(&fit, &record, &first, scores)));
@@ -183,7 +184,7 @@ fn begin(
     end_when_interrupted(writing, Some(interrupt))?;
     let scene = Scene::load(&options.scene)?;
     if is_first {
-        scene.check_results(options.out(), &files(&scene))?;
+        scene.check_results(options.out(), &files(&scene, options.turntable))?;
     }
     Ok(scene)
 }

@@ -11,6 +11,7 @@ mod progress_bar;
 mod record;
 mod render;
 mod results;
+mod turntable;
 
 pub(crate) use self::fit::run;
 pub(crate) use self::outcome::HELD_OUT;

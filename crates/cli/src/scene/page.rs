@@ -16,16 +16,18 @@ pub(super) struct Curves {
     pub(super) held_out: Vec<(f64, f64)>,
 }
 
-/// The page. `film` is a block that shows the fit in motion, and `viewer` one that turns the learnt mesh; or empty.
+/// The page. `film` is a block that shows the fit in motion, `turntable` one that goes around what was learnt, and
+/// `viewer` one that turns the learnt mesh; or empty.
 pub(super) fn page(
     fit: &SceneFit,
     outcome: &Outcome,
     curves: &Curves,
-    [film, viewer]: [String; 2],
+    [film, turntable, viewer]: [String; 3],
 ) -> Document {
     let mut motion = Section::new("film", "The fit in motion", "");
     motion.push_html(film);
     let mut mesh = Section::new("mesh", "The learnt mesh", "");
+    mesh.push_html(turntable);
     mesh.push_html(viewer);
     let mut words = vec![format!("{}.", outcome.message())];
     words.extend(
@@ -127,8 +129,9 @@ fn learnt(fit: &SceneFit, outcome: &Outcome) -> Section {
     let mut section = Section::new("learnt", "What was learnt", "");
     section.push_table(table);
     section.push_html(
-        "<p><code>mesh.glb</code> stands in the world. A <code>.ply</code> has its mesh's own coordinates: \
-         <code>places</code> in <code>numbers.json</code> are the matrices that bring it there.</p>",
+        "<p><code>mesh.glb</code>, <code>mesh.obj</code> and each <code>.ply</code> stand in the world. \
+         <code>places</code> in <code>numbers.json</code> are the matrices that brought a mesh there from its own \
+         coordinates.</p>",
     );
     section
 }

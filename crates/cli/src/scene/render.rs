@@ -1,9 +1,10 @@
 //! Pictures, depth, normals and ids of a scene's views, without a fit.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bokashi_scene::{Scene, SceneError, capped_note, lens_note, write_result};
 
+use super::turntable;
 use crate::arguments::{RenderArguments, USUAL_OUT};
 use crate::failure::Failure;
 use crate::output::say;
@@ -16,7 +17,7 @@ use crate::threads::start_threads;
 /// [`Failure::Use`] for a view that is not there, and places that can't be written to; [`Failure::Work`] for
 /// what is wrong with the scene.
 pub(crate) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
-    let RenderArguments { scene, view, threads, quiet, .. } = arguments;
+    let RenderArguments { scene, view, turntable, threads, quiet, .. } = arguments;
     let out = arguments.out.as_deref().unwrap_or(Path::new(USUAL_OUT));
     let is_out_named = arguments.out.is_some();
     Places { out: Some(out), is_out_named, ..Places::default() }.check()?;
@@ -34,7 +35,13 @@ pub(crate) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
             }
         },
     };
-    scene.check_results(out, &scene.rendered_names(&all)).map_err(failed)?;
+    if *turntable && scene.views.is_empty() {
+        let rule = "--turntable needs a view: its camera is the one that goes around";
+        return Err(Failure::Use(format!("{rule}, and the scene has none")));
+    }
+    let mut names = scene.rendered_names(&all);
+    names.extend(turntable.then(|| PathBuf::from(turntable::FILE)));
+    scene.check_results(out, &names).map_err(failed)?;
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
     if !quiet {
@@ -51,6 +58,12 @@ pub(crate) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         }
         if !quiet {
             say(&format!("{}: {} files\n", rendered.view, rendered.files.len()))?;
+        }
+    }
+    if *turntable {
+        turntable::write(&scene, out)?;
+        if !quiet {
+            say(&format!("{}\n", turntable::FILE))?;
         }
     }
     Ok(())

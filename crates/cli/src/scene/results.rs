@@ -13,6 +13,7 @@ use super::outcome::{Outcome, fall};
 use super::page::page;
 use super::pictures::{KINDS, Pictures, block, path};
 use super::record::Record;
+use super::turntable;
 use crate::failure::Failure;
 use crate::live::Ended;
 use crate::output::{say, say_json};
@@ -22,10 +23,11 @@ fn not_reported(error: ReportError) -> Failure {
 }
 
 /// Where the files of a fit lie in the folder of results.
-pub(super) fn files(scene: &Scene) -> Vec<PathBuf> {
+pub(super) fn files(scene: &Scene, has_turntable: bool) -> Vec<PathBuf> {
     let [film, end] = film::FILES;
     let all = ["index.html", CHECKPOINT, film, end].map(PathBuf::from);
-    let all = all.into_iter().chain(scene.result_names());
+    let turntable = has_turntable.then(turntable::files).into_iter().flatten();
+    let all = all.into_iter().chain(turntable).chain(scene.result_names());
     let views = scene.views.iter();
     all.chain(views.flat_map(|view| KINDS.map(|what| path(&view.name, what)))).collect()
 }
@@ -46,6 +48,8 @@ pub(super) struct Results<'a> {
     pub(super) json: Option<&'a Path>,
     pub(super) page: Option<&'a LivePage<'a>>,
     pub(super) film: &'a Film,
+    /// Whether a camera goes around what was learnt.
+    pub(super) has_turntable: bool,
     /// Whether a summary is told.
     pub(super) speaks: bool,
     /// What the steps took.
@@ -89,7 +93,11 @@ impl Results<'_> {
             false => block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?,
         };
         let film = self.film.save(self.out)?;
-        let page = page(fit, &outcome, &record.curves, [film, viewer]).render();
+        let turntable = match self.has_turntable {
+            true => turntable::write_for_page(&learnt, self.out)?,
+            false => String::new(),
+        };
+        let page = page(fit, &outcome, &record.curves, [film, turntable, viewer]).render();
         let report = page.and_then(|page| page.write(self.out)).map_err(not_reported)?;
         if let Some(file) = self.json {
             say_json(file, &outcome.json(fit).to_string())?;

@@ -12,6 +12,8 @@ use crate::{self as scenes, Experiment, Preset, Silhouettes, Snapshot, View};
 
 /// Frames per second.
 const RATE: u16 = 12;
+/// How long the last frame stays, as a multiple of the others.
+const REST: u16 = 15;
 /// Width of the whole film, in pixels, at most; a tile is no larger than [`TILE`].
 const WIDTH: usize = 560;
 /// Side of the largest tile, in pixels.
@@ -78,7 +80,7 @@ pub(crate) fn film(groups: &[&Group]) -> Result<Option<Film>, ReportError> {
         ));
     }
     let still = png(&frames[frames.len() - 1])?;
-    Ok(Some(Film { moving: animation(&frames, RATE)?, still }))
+    Ok(Some(Film { moving: animation(&frames, RATE, REST)?, still }))
 }
 
 /// One cube as its fit sees it, at the size of the film.

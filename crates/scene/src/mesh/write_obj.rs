@@ -10,10 +10,11 @@ use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use bokashi_render_ops::TextureBorder;
-use glam::{DMat3, DMat4, DVec3};
+use glam::DMat4;
 
 use super::check::{check, check_number, location};
 use super::colors::share;
+use super::in_world::{NormalTurn, corner_order, points};
 use super::obj::NO_MATERIAL;
 use crate::error::SceneError;
 use crate::model::{Geometry, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh};
@@ -26,17 +27,23 @@ pub struct ObjFiles {
     pub obj: String,
     /// The MTL, which the OBJ names.
     pub mtl: String,
-    /// The images that the MTL names, as PNG.
+    /// The images that the MTL names, as PNG, but for those that had a file.
     pub images: Vec<(String, Vec<u8>)>,
 }
 
 /// The model as OBJ. `name` is that of its files, without an ending: `NAME.mtl`, and `NAME-1.png` and so on.
+/// `image` gives the file of a base colour's image, by its number in the model, where there is one. A name that
+/// MTL can't tell from options or from two words is not taken.
 ///
 /// # Errors
 /// [`SceneError::Content`] where something names what is not there, a number is not finite, or a geometry has no
 /// face. So it is for a `name` without letters or with a line feed, and for an image with samples of 32 bits,
 /// which PNG does not have.
-pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
+pub fn obj(
+    model: &Model,
+    name: &str,
+    image: impl Fn(usize) -> Option<String>,
+) -> Result<ObjFiles, SceneError> {
     if name.is_empty() || name.contains(char::is_control) {
         let rule = "the name of an OBJ has letters and no line feed";
         return Err(SceneError::content(location(), format!("{rule}, and this is {name:?}")));
@@ -45,7 +52,8 @@ pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
         ObjFiles { obj: format!("mtllib {name}.mtl\n"), mtl: String::new(), images: Vec::new() };
     let materials = names(&model.materials);
     for (material, material_name) in model.materials.iter().zip(&materials) {
-        files.add_material(model, material, material_name, name)?;
+        let file = material.base_color_map.image.and_then(&image).filter(|file| is_word(file));
+        files.add_material(model, (material, material_name), name, file)?;
     }
     // How many rows of positions, coordinates and normals there are before.
     let mut firsts = [1; 3];
@@ -54,6 +62,12 @@ pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
         files.add_object(model, &materials, number, &mut firsts)?;
     }
     Ok(files)
+}
+
+/// Whether programs that read MTL take the name of a file for one word, and for no option.
+pub(crate) fn is_word(file: &str) -> bool {
+    let is_odd = |c: char| c.is_whitespace() || c.is_control() || "#\\\"".contains(c);
+    !file.is_empty() && !file.starts_with('-') && !file.contains(is_odd)
 }
 
 /// A name that fits into a line: its own, or else its number.
@@ -78,12 +92,13 @@ fn names(materials: &[MaterialFile]) -> Vec<String> {
 }
 
 impl ObjFiles {
+    /// Adds a material, to files that are called `name`. `file` has the image of its base colour already.
     fn add_material(
         &mut self,
         model: &Model,
-        material: &MaterialFile,
-        material_name: &str,
+        (material, material_name): (&MaterialFile, &str),
         name: &str,
+        file: Option<String>,
     ) -> Result<(), SceneError> {
         let MaterialFile { base_color: [red, green, blue, opacity], roughness, metallic, .. } =
             material;
@@ -105,7 +120,8 @@ impl ObjFiles {
         let _ =
             writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
         if let Some((picture, clamp)) = picture_of(&material.base_color_map)? {
-            let _ = writeln!(text, "map_Kd {clamp}{}", image(picture)?);
+            let file = file.map_or_else(|| image(picture), Ok)?;
+            let _ = writeln!(text, "map_Kd {clamp}{file}");
         }
         if let Some((picture, clamp)) = picture_of(&material.metallic_roughness_map)? {
             for (key, channel) in [("map_Pr", 1), ("map_Pm", 2)] {
@@ -131,9 +147,8 @@ impl ObjFiles {
         let geometry = &model.geometries[*geometry];
         check(geometry)?;
         let _ = writeln!(self.obj, "o {}", one_line(name, number));
-        self.add_rows(geometry, transform);
-        // A mirror turns faces around.
-        let corners = if transform.determinant() < 0.0 { [0, 2, 1] } else { [0, 1, 2] };
+        self.add_rows(geometry, transform)?;
+        let corners = corner_order(transform);
         for submesh in &geometry.submeshes {
             let name = match submesh.material {
                 None => NO_MATERIAL,
@@ -156,7 +171,8 @@ impl ObjFiles {
     }
 
     /// Adds positions with colours, coordinates and normals, in the world.
-    fn add_rows(&mut self, geometry: &Geometry, transform: &DMat4) {
+    fn add_rows(&mut self, geometry: &Geometry, transform: &DMat4) -> Result<(), SceneError> {
+        let points = points(geometry, transform)?;
         let text = &mut self.obj;
         // A vertex of OBJ has one colour.
         let mut colors = vec![None; geometry.positions.len()];
@@ -166,15 +182,11 @@ impl ObjFiles {
                 colors[vertex as usize] = Some(rows.rows[row as usize]);
             }
         }
-        for (point, color) in geometry.positions.iter().zip(colors) {
+        for ((near, point), color) in geometry.positions.iter().zip(&points).zip(colors) {
             let _ = match *transform == DMat4::IDENTITY {
                 // As many digits as give the same bits again.
-                true => write!(text, "v {} {} {}", point[0], point[1], point[2]),
-                false => {
-                    let point = DVec3::from(point.map(f64::from));
-                    let [x, y, z] = transform.transform_point3(point).to_array();
-                    write!(text, "v {x} {y} {z}")
-                }
+                true => write!(text, "v {} {} {}", near[0], near[1], near[2]),
+                false => write!(text, "v {} {} {}", point.x, point.y, point.z),
             };
             if let Some(color) = color {
                 let [red, green, blue] = color.map(share);
@@ -185,17 +197,15 @@ impl ObjFiles {
         for [u, v] in geometry.coordinates.iter().flat_map(|coordinates| &coordinates.rows) {
             let _ = writeln!(text, "vt {u} {}", 1.0 - v);
         }
-        let turn = DMat3::from_mat4(*transform).inverse().transpose();
-        for normal in geometry.normals.iter().flat_map(|normals| &normals.rows) {
-            let _ = match turn == DMat3::IDENTITY {
+        let turn = NormalTurn::new(transform);
+        for &normal in geometry.normals.iter().flat_map(|normals| &normals.rows) {
+            let [x, y, z] = turn.turned(normal);
+            let _ = match turn.is_none() {
                 true => writeln!(text, "vn {} {} {}", normal[0], normal[1], normal[2]),
-                false => {
-                    let normal = turn * DVec3::from(normal.map(f64::from));
-                    let [x, y, z] = normal.normalize_or_zero().to_array();
-                    writeln!(text, "vn {x} {y} {z}")
-                }
+                false => writeln!(text, "vn {x} {y} {z}"),
             };
         }
+        Ok(())
     }
 
     /// Adds the faces of a submesh, their corners in this order.

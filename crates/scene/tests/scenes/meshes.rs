@@ -71,13 +71,13 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     assert_eq!(near.0, far.0);
     assert_eq!(near.1, far.1);
     assert!(near.3.is_empty() && far.3[0].contains("[500000.0, 4649776.0, 100.0]"), "{:?}", far.3);
-    // In the world they are the same, and in the mesh's own coordinates they are where its file had them.
+    // In the world they are the same.
     let model = |folder: &Folder, file: &str| read_model(folder, file).unwrap();
-    assert_eq!(model(&near.2, "mesh.glb"), model(&far.2, "mesh.glb"));
-    let written = [&near, &far].map(|keys| model(&keys.2, "ball.ply").geometries.remove(0));
-    assert_eq!([written[0].offset, written[1].offset], [DVec3::ZERO, offset]);
-    assert_eq!(written[0].positions, written[1].positions);
-    assert_eq!(written[0].faces, written[1].faces);
+    for file in ["mesh.glb", "mesh.obj", "ball.ply"] {
+        let [near, far] = [&near, &far].map(|keys| model(&keys.2, file));
+        assert!(near == far, "{file}");
+        assert_eq!(near.geometries[0].offset, DVec3::ZERO);
+    }
 
     // Without a place the world is that of the file.
     let scene = load(folder, "[[meshes]]\nfile = \"far.obj\"\n");
@@ -85,7 +85,12 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     let again = model(&Folder::new(folder.join("out")).unwrap(), "mesh.glb");
     assert_eq!(again.placed[0].transform, DMat4::from_translation(offset));
     assert_eq!(again.geometries[0].faces.len(), scene.objects[0].mesh.faces().len());
-    // The PLY has the coordinates of the file, and the places lead from there.
+    for file in ["far.ply", "mesh.obj"] {
+        let again = model(&Folder::new(folder.join("out")).unwrap(), file);
+        assert_eq!(again.geometries[0].offset, offset, "{file}");
+        assert_eq!(again.geometries[0].positions.as_flattened(), scene.objects[0].positions.data());
+    }
+    // Places lead from the coordinates of the file.
     let numbers = fs::read_to_string(folder.join("out/numbers.json")).unwrap();
     let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
     let rows =
@@ -247,7 +252,7 @@ fn a_surface_of_several_materials_is_learnt_as_one() {
     let out = folder.join("out");
     learnt.save_results(&out).unwrap();
     let out = Folder::new(&out).unwrap();
-    for file in ["mesh.glb", "ball.ply"] {
+    for file in ["mesh.glb", "mesh.obj", "ball.ply"] {
         let model = read_model(&out, file).unwrap();
         let [mesh] = &model.geometries[..] else { panic!("{file}: {}", model.geometries.len()) };
         assert_eq!((mesh.faces.as_slice(), mesh.submeshes.len()), (faces.as_slice(), 2), "{file}");

@@ -47,16 +47,22 @@ fn nothing_outside_the_folder_of_results_is_written() {
         assert_eq!(names(place.path()), ["elsewhere", "in", "victim"]);
     };
     let fit: &[&str] = &["fit", "scene.toml", "--out", "out"];
+    let around: &[&str] = &["fit", "scene.toml", "--turntable", "--out", "out"];
     let render: &[&str] = &["render", "scene.toml", "--out", "out"];
     let rows = [
         (fit, "index.html", 2),
         (fit, "checkpoint.safetensors", 2),
         (fit, "mesh.glb", 1),
+        (fit, "mesh.obj", 1),
+        (fit, "mesh.mtl", 1),
+        (fit, "environment-panorama.exr", 1),
         (fit, "a.ply", 1),
         (fit, "transforms.json", 1),
         (fit, "numbers.json", 1),
         (fit, "views", 1),
         (fit, "views/a-result.png", 1),
+        (around, "views/turntable.png", 1),
+        (around, "views/turntable-still.png", 1),
         (render, "a.png", 1),
         (render, "a-ids.exr", 1),
     ];

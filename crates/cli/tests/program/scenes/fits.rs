@@ -141,7 +141,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     staged(folder);
-    let found = outcome(folder, "--out photos/out");
+    let found = outcome(folder, "--out photos/out --turntable");
     let keys: Vec<_> = found.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
         "changed",
@@ -168,7 +168,22 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     let model = read_model(&out, "mesh.glb").unwrap();
     assert_eq!(model.geometries[0].faces.len(), 192);
     assert_eq!(model.images[0].width, 8);
-    assert_eq!(read_model(&out, "sphere.ply").unwrap().geometries[0].faces.len(), 192);
+    // All of them stand in the world.
+    let points = |file: &str| {
+        let model = read_model(&out, file).unwrap();
+        assert_eq!((model.geometries[0].faces.len(), model.images[0].width), (192, 8), "{file}");
+        let point = |vertex: &u32| {
+            let position = model.geometries[0].positions[*vertex as usize].map(f64::from);
+            model.placed[0].transform.transform_point3(position.into())
+        };
+        model.geometries[0].faces.as_flattened().iter().map(point).collect::<Vec<_>>()
+    };
+    let expected = points("mesh.glb");
+    for file in ["mesh.obj", "sphere.ply"] {
+        let off =
+            points(file).iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(off < 1e-6, "{file}: {off}");
+    }
     let numbers: Value = serde_json::from_str(&out.read_text("numbers.json").unwrap()).unwrap();
     assert!(numbers["objects"]["sphere"]["places"][0][3][3] == 1.0);
     for what in ["result", "target", "difference"] {
@@ -189,8 +204,13 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     for address in page.split("src=\"").skip(1).filter_map(|rest| rest.split_once('"')) {
         assert!(out.read(address.0).is_ok(), "{}", address.0);
     }
-    // Three of each view, and the film.
-    assert_eq!(page.matches("<img ").count(), 16);
+    // Three of each view, the film, and the turntable.
+    assert_eq!(page.matches("<img ").count(), 17);
+    for (file, frames) in [("views/turntable.png", Some(36)), ("views/turntable-still.png", None)] {
+        let bytes = out.read(file).unwrap();
+        assert_eq!(frames_of(&bytes), frames, "{file}");
+        assert_eq!(Picture::decode_size(&bytes, &Location::new(file)).unwrap(), [32, 32]);
+    }
 }
 
 #[test]
@@ -218,4 +238,42 @@ fn a_scene_is_rendered_as_pictures_depth_normals_and_ids() {
     assert_eq!(at(&read("front-ids.png"), 0), 1.0 / 65_535.0);
     let [_, said] = ended(folder, &["render", "scene.toml", "--view", "back"], 2);
     assert!(said.contains("--view needs one of front, and this is back"), "{said}");
+}
+
+/// How many frames an animated PNG has; `None` for one that stands still.
+fn frames_of(png: &[u8]) -> Option<u32> {
+    let at = png.windows(4).position(|kind| kind == b"acTL")?;
+    Some(u32::from_be_bytes(png[at + 4..at + 8].try_into().unwrap()))
+}
+
+#[test]
+fn a_scene_is_rendered_from_all_around() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let mesh = "[[meshes]]\nshape = \"cube\"\n";
+    let view = |name: &str| {
+        format!(
+            "[[views]]\nname = \"{name}\"\n\
+             camera = {{ position = [0, 2, 5], angle = 40, size = [600, 300] }}\n"
+        )
+    };
+    write(folder, "scene.toml", format!("{mesh}{}", view("front")));
+    let told = said(folder, &["render", "scene.toml", "--turntable"]);
+    assert_eq!(told, "front: 8 files\nturntable.png\n");
+    let bytes = fs::read(folder.join("out/turntable.png")).unwrap();
+    assert_eq!(frames_of(&bytes), Some(36));
+    // Half as large as the view.
+    let size = Picture::decode_size(&bytes, &Location::new("turntable.png")).unwrap();
+    assert_eq!(size, [300, 150]);
+    said(folder, &["render", "scene.toml", "--turntable", "--threads", "1", "--out", "one"]);
+    assert!(fs::read(folder.join("one/turntable.png")).unwrap() == bytes);
+    // A view of that name is no other file; without a view there is no camera.
+    write(folder, "scene.toml", format!("{mesh}{}", view("turntable")));
+    let [_, told] = ended(folder, &["render", "scene.toml", "--turntable", "--out", "b"], 1);
+    assert!(told.contains("turntable.png could not be written: two results"), "{told}");
+    assert!(!folder.join("b").exists());
+    write(folder, "scene.toml", mesh);
+    let [_, told] = ended(folder, &["render", "scene.toml", "--turntable", "--out", "b"], 2);
+    assert!(told.contains("--turntable needs a view: its camera is"), "{told}");
+    assert!(!folder.join("b").exists());
 }

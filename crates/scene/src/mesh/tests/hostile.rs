@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::gltf::File;
-use super::{message, read, read_with};
+use super::{HERE, message, read, read_with};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{self, Gltf, Obj, Ply};
 use crate::mesh::{glb, ply};
@@ -34,7 +34,7 @@ fn files() -> Vec<(MeshKind, Vec<u8>)> {
     vec![
         (Obj, OBJ.into()),
         (Ply, PLY.into()),
-        (Ply, ply(&small().geometries[0], &[], |_| None).unwrap()),
+        (Ply, ply(&small().geometries[0], HERE, &[], |_| None).unwrap()),
         (Gltf, square.text().into()),
         (Gltf, square.binary()),
         (Gltf, glb(&small()).unwrap()),

@@ -13,10 +13,15 @@ mod written;
 
 use std::path::Path;
 
+use glam::DMat4;
+
 use crate::error::SceneError;
 use crate::folder::Folder;
 use crate::mesh::{MeshKind, MeshOptions, read_model_bytes};
 use crate::model::{Geometry, Indexed, Model};
+
+/// The place of a geometry that stands in the world as it is.
+const HERE: &[DMat4] = &[DMat4::IDENTITY];
 
 /// What is read of these bytes, without other files.
 fn read(kind: MeshKind, bytes: impl AsRef<[u8]>) -> Result<Model, SceneError> {

@@ -3,7 +3,7 @@
 use bokashi_render_ops::TextureBorder;
 use glam::{DMat4, DVec3};
 
-use super::{message, read, read_with};
+use super::{HERE, message, read, read_with};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{Gltf, Obj, Ply};
 use crate::mesh::{glb, obj, ply};
@@ -161,7 +161,7 @@ fn an_empty_model_is_a_valid_file_without_a_mesh() {
 #[test]
 fn a_geometry_comes_back_from_ply() {
     let mut geometry = pyramid();
-    let bytes = ply(&geometry, &[], |_| None).unwrap();
+    let bytes = ply(&geometry, HERE, &[], |_| None).unwrap();
     let back = read(Ply, bytes).unwrap();
     geometry.name = String::new();
     geometry.submeshes[0].material = None;
@@ -176,10 +176,10 @@ fn a_geometry_comes_back_from_ply() {
     for (rounded, exact) in rounded.rows.iter().flatten().zip(colors.rows.iter().flatten()) {
         assert!((rounded - exact).abs() < 0.005, "{rounded} {exact}");
     }
-    let again = read(Ply, ply(&back.geometries[0], &[], |_| None).unwrap()).unwrap();
+    let again = read(Ply, ply(&back.geometries[0], HERE, &[], |_| None).unwrap()).unwrap();
     assert_eq!(again, back);
     let bare = model().geometries.swap_remove(0);
-    assert_eq!(read(Ply, ply(&bare, &[], |_| None).unwrap()).unwrap().geometries, [bare]);
+    assert_eq!(read(Ply, ply(&bare, HERE, &[], |_| None).unwrap()).unwrap().geometries, [bare]);
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn materials_come_back_from_ply_and_obj() {
     model.materials[1].base_color = [0.1, 0.2, 0.3, 1.0];
     let mesh = &model.geometries[2];
     // An image of a file that is not there is noted, and the material stays.
-    let bytes = ply(mesh, &model.materials, |image| Some(format!("{image}.png"))).unwrap();
+    let bytes = ply(mesh, HERE, &model.materials, |image| Some(format!("{image}.png"))).unwrap();
     let back = read(Ply, bytes).unwrap();
     let found: Vec<_> = back.geometries[0].submeshes.iter().map(|k| k.material).collect();
     assert_eq!(found, [Some(0), None, Some(1)]);
@@ -215,7 +215,7 @@ fn materials_come_back_from_ply_and_obj() {
     let expected = "the image \"1.png\" is missing and was left out";
     assert!(back.notes.iter().any(|note| note == expected), "{:?}", back.notes);
 
-    let files = obj(&model, "a").unwrap();
+    let files = obj(&model, "a", |_| None).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut beside = vec![("a.mtl", files.mtl.as_bytes())];
     beside.extend(files.images.iter().map(|(name, bytes)| (&**name, &bytes[..])));
@@ -256,7 +256,7 @@ fn materials_come_back_from_ply_and_obj() {
         image(original.base_color_map.image, &model)
     );
     assert_eq!(image(painted.normal_map.image, &back), image(original.normal_map.image, &model));
-    assert!(obj(&model, "a\nb").is_err());
+    assert!(obj(&model, "a\nb", |_| None).is_err());
 }
 
 #[test]
@@ -292,5 +292,132 @@ fn models_that_break_a_rule_are_not_written() {
     }
     let mut geometry = pyramid();
     geometry.normals.as_mut().unwrap().faces[0] = [7; 3];
-    assert!(ply(&geometry, &[], |_| None).unwrap_err().to_string().contains("has 3 normals"));
+    assert!(ply(&geometry, HERE, &[], |_| None).unwrap_err().to_string().contains("has 3 normals"));
+}
+
+/// The corners of the faces of a PLY that was written.
+fn written_corners(geometry: &Geometry, places: &[DMat4]) -> Vec<[DVec3; 3]> {
+    let back = read(Ply, ply(geometry, places, &[], |_| None).unwrap()).unwrap();
+    let [mesh] = &back.geometries[..] else { panic!("{} meshes", back.geometries.len()) };
+    let point =
+        |vertex: u32| DVec3::from(mesh.positions[vertex as usize].map(f64::from)) + mesh.offset;
+    mesh.faces.iter().map(|face| face.map(point)).collect()
+}
+
+#[test]
+fn a_ply_and_an_obj_stand_in_the_world_in_all_places() {
+    let geometry =
+        Geometry { submeshes: vec![Submesh { material: None, faces: 0..3 }], ..pyramid() };
+    let corners = geometry.faces.iter().map(|face| {
+        face.map(|vertex| DVec3::from(geometry.positions[vertex as usize].map(f64::from)))
+    });
+    let corners: Vec<_> = corners.collect();
+    let normal_of = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize();
+    let turn = DMat4::from_rotation_x(0.3) * DMat4::from_scale(DVec3::new(1.0, 4.0, 0.5));
+    let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    // The last is as far as a map's coordinates.
+    let shift = DMat4::from_translation(DVec3::new(500_000.0, 4_649_776.0, 100.0));
+    for places in [&[turn][..], &[DMat4::IDENTITY, mirror], &[turn, shift * mirror, shift]] {
+        let found = written_corners(&geometry, places);
+        assert_eq!(found.len(), 3 * places.len());
+        for (k, (place, expected)) in places
+            .iter()
+            .flat_map(|place| corners.iter().map(move |face| (place, face)))
+            .enumerate()
+        {
+            let expected = expected.map(|point| place.transform_point3(point));
+            let [a, b, c] = expected;
+            // Seen from outside a mirrored face is clockwise, unless it was turned around.
+            let expected = if place.determinant() < 0.0 { [a, c, b] } else { expected };
+            for (found, expected) in found[k].iter().zip(expected) {
+                // Far apart, the mesh that is read has the bits that are left; the file has all of them.
+                let epsilon = if places.len() == 3 { 0.3 } else { 1e-6 };
+                assert!(found.distance(expected) < epsilon, "{k}: {found} {expected}");
+            }
+        }
+        // The PLY has the bits that the OBJ has.
+        let placed =
+            places.iter().map(|&transform| Placed { name: String::new(), geometry: 0, transform });
+        let model = Model {
+            geometries: vec![geometry.clone()],
+            placed: placed.collect(),
+            ..Model::default()
+        };
+        let files = obj(&model, "a", |_| None).unwrap();
+        let text = files.obj.lines().filter_map(|line| line.strip_prefix("v "));
+        let text: Vec<DVec3> = text
+            .map(|line| {
+                let all = line.split(' ').map(|x| x.parse::<f64>().unwrap());
+                DVec3::from_slice(&all.collect::<Vec<_>>())
+            })
+            .collect();
+        let expected = places.iter().flat_map(|place| {
+            geometry.positions.iter().map(|p| place.transform_point3(DVec3::from(p.map(f64::from))))
+        });
+        for (found, expected) in text.iter().zip(expected) {
+            assert!(found.distance(expected) < 1e-6);
+        }
+        assert_eq!(text.len(), 4 * places.len());
+    }
+    // Normals stay normal to a surface that is squeezed, and are of length 1.
+    let flat = Geometry {
+        normals: Some(Indexed {
+            rows: corners.iter().map(|&face| normal_of(face).as_vec3().to_array()).collect(),
+            faces: vec![[0; 3], [1; 3], [2; 3]],
+        }),
+        ..geometry.clone()
+    };
+    let back = read(Ply, ply(&flat, &[turn, mirror * turn], &[], |_| None).unwrap()).unwrap();
+    let normals = back.geometries[0].normals.as_ref().unwrap();
+    for (face, normal) in written_corners(&flat, &[turn, mirror * turn]).iter().zip(&normals.faces)
+    {
+        let normal = DVec3::from(normals.rows[normal[0] as usize].map(f64::from));
+        assert!(normal.distance(normal_of(*face)) < 1e-5, "{normal} {face:?}");
+    }
+}
+
+#[test]
+fn positions_are_doubles_where_floats_are_too_coarse() {
+    let geometry =
+        Geometry { submeshes: vec![Submesh { material: None, faces: 0..3 }], ..pyramid() };
+    let is_double = |places: &[DMat4]| {
+        let bytes = ply(&geometry, places, &[], |_| None).unwrap();
+        String::from_utf8_lossy(&bytes).contains("property double x")
+    };
+    let at = |x: f64| DMat4::from_translation(DVec3::new(x, 0.0, 0.0));
+    assert!(!is_double(&[at(10.0)]) && is_double(&[at(100.0)]));
+    // Together they are as wide as they are far; one by one the second is far.
+    assert!(is_double(&[at(0.0), at(1e6)]));
+    assert!(is_double(&[DMat4::from_scale(DVec3::splat(1e60))]));
+    assert!(!is_double(&[DMat4::from_scale(DVec3::splat(1e-60))]));
+    let refused = |places: &[DMat4], expected: &str| {
+        let error = ply(&geometry, places, &[], |_| None).unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+    };
+    refused(&[], "these are 0");
+    let wide = DMat4::from_scale(DVec3::splat(1.7e308)) * DMat4::from_scale(DVec3::splat(10.0));
+    refused(&[wide], "has finite positions in the world");
+    refused(&[at(f64::NAN)], "has finite positions in the world");
+    let placed = vec![Placed { name: String::new(), geometry: 0, transform: wide }];
+    let model = Model { geometries: vec![geometry.clone()], placed, ..Model::default() };
+    assert!(obj(&model, "a", |_| None).is_err());
+    // A place that is flat leaves no normal.
+    let flat = ply(&geometry, &[DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0))], &[], |_| None);
+    let normals = read(Ply, flat.unwrap()).unwrap().geometries[0].normals.clone();
+    assert!(normals.is_none_or(|rows| rows.rows.as_flattened().iter().all(|x| x.is_finite())));
+}
+
+#[test]
+fn an_obj_names_the_file_of_an_image_that_has_one_unless_mtl_would_misread_it() {
+    let model = model();
+    let own = obj(&model, "a", |_| None).unwrap();
+    let shared = obj(&model, "a", |_| Some("b-texture.png".to_owned())).unwrap();
+    assert!(
+        shared.mtl.contains("map_Kd b-texture.png\n") || shared.mtl.contains(" b-texture.png\n")
+    );
+    assert_eq!(shared.images.len() + 1, own.images.len());
+    for name in ["", "-s 1 2 3.png", "-clamp", "my skin.png", "a\nKd 0 0 0", "a#b.png", "a\\b.png"]
+    {
+        assert_eq!(obj(&model, "a", |_| Some(name.to_owned())).unwrap(), own, "{name:?}");
+    }
 }
