@@ -13,6 +13,8 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use smallvec::SmallVec;
 
+use crate::error::Refusal;
+
 /// A number with a tangent. In double precision alone: so all operations are compiled for three types and not for four.
 pub type DualNumber = bokashi_core::Dual<f64>;
 
@@ -207,11 +209,25 @@ impl Array<'_> {
     /// # Errors
     /// `TypeError` for one with tangents: they would be lost.
     pub fn constant(&self) -> PyResult<(&[usize], Vec<f64>)> {
-        if let Self::Dual(_) = self {
-            return Err(PyTypeError::new_err("a constant has no gradient and no tangent, got one"));
+        match self {
+            Self::Single(numbers) => {
+                let wide = numbers.as_slice()?.iter().map(|&number| f64::from(number));
+                Ok((numbers.shape(), wide.collect()))
+            }
+            Self::Double(numbers) => Ok((numbers.shape(), numbers.as_slice()?.to_vec())),
+            Self::Dual(_) => {
+                Err(PyTypeError::new_err("a constant has no gradient and no tangent, got one"))
+            }
         }
-        let (shape, numbers) = self.view::<DualNumber>()?;
-        Ok((shape, numbers.iter().map(|number| number.value).collect()))
+    }
+
+    /// The same as a tensor.
+    ///
+    /// # Errors
+    /// As [`Self::constant`].
+    pub fn constant_tensor(&self) -> PyResult<Tensor<f64>> {
+        let (shape, numbers) = self.constant()?;
+        Ok(Tensor::new(shape, numbers).map_err(Refusal::from)?)
     }
 
     /// The name of its numbers.

@@ -27,6 +27,12 @@ impl From<bokashi_render_ops::RenderError> for Refusal {
     }
 }
 
+impl From<bokashi_mesh::MeshError> for Refusal {
+    fn from(error: bokashi_mesh::MeshError) -> Self {
+        Self(RenderError::new_err(error.to_string()))
+    }
+}
+
 impl From<bokashi_scene::SceneError> for Refusal {
     fn from(error: bokashi_scene::SceneError) -> Self {
         Self(SceneError::new_err(error.to_string()))

@@ -17,6 +17,7 @@ mod light;
 mod losses;
 mod materials;
 mod mesh;
+mod meshes;
 mod operations;
 mod page;
 mod pull_back;
@@ -53,6 +54,12 @@ mod _native {
     };
     #[pymodule_export]
     use super::mesh::Mesh;
+    #[pymodule_export]
+    use super::meshes::{
+        Connectivity, Grid, chamfer_distance, draw_points, f_score, field_surface,
+        nearest_on_surface, nearest_points, normal_consistency, remesh, self_intersections,
+        signed_volume, smooth, subdivide, surface_area,
+    };
     #[pymodule_export]
     use super::operations::{
         affine_inverse, distort, downsample, exposure, face_normals, fisheye, gaussian_blur, over,

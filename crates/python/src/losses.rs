@@ -171,12 +171,6 @@ pub fn total_variation<'py>(
     }))
 }
 
-/// The numbers of an array in double precision, where it is a constant.
-fn constant(array: &Array<'_>) -> PyResult<bokashi_core::Tensor<f64>> {
-    let (shape, numbers) = array.constant()?;
-    Ok(bokashi_core::Tensor::new(shape, numbers).map_err(Refusal::from)?)
-}
-
 /// The edges of a mesh: which vertices are neighbours, and which faces.
 #[pyclass(frozen, module = "bokashi")]
 pub struct Topology(pub fit::Topology);
@@ -209,7 +203,7 @@ impl Topology {
 
     /// The Laplacian with the cotangents of `positions` `[V, 3]`, which stay as they are: `[V, V]`.
     fn cotangent_laplacian(&self, positions: Array<'_>) -> PyResult<Sparse> {
-        let matrix = self.0.cotangent_laplacian(&constant(&positions)?);
+        let matrix = self.0.cotangent_laplacian(&positions.constant_tensor()?);
         Ok(Sparse::from_matrix(matrix.map_err(Refusal::from)?))
     }
 
@@ -236,7 +230,7 @@ impl Rigidity {
                 )));
             }
         };
-        let made = fit::Rigidity::new(&topology.0, &constant(&rest)?, weights);
+        let made = fit::Rigidity::new(&topology.0, &rest.constant_tensor()?, weights);
         Ok(Self(made.map_err(Refusal::from)?))
     }
 }

@@ -15,6 +15,14 @@ def layered(generator):
     return bokashi.Mesh(np.arange(9).reshape(3, 3), 9), np.concatenate([ndc * w, w], 1)
 
 
+def ball(generator):
+    """A grid, a field of which no number is near 0, and offsets of the grid's points."""
+    grid = bokashi.Grid.around([-1, -1, -1], [1, 1, 1], 4)
+    field = np.linalg.norm(grid.positions * [1.0, 1.2, 0.9], axis=-1) - 0.8 + generator.uniform(-0.05, 0.05, grid.shape)
+    field = np.where(abs(field) < 0.02, 0.02, field)
+    return grid, field, generator.uniform(-0.05, 0.05, (*grid.shape, 3))
+
+
 def cases(generator):
     """By name: a function of a module and arrays, the arrays in the order of gradients, and the places of these."""
 
@@ -100,6 +108,11 @@ def cases(generator):
         "edge_length_error": (lambda b, x: b.edge_length_error(x, topology, target=0.3), [positions]),
         "normal_error": (lambda b, x: b.normal_error(x, topology), [positions]),
         "rigid_error": (lambda b, x: b.rigid_error(x, rigidity), [positions]),
+        "draw_points": (lambda b, x: b.draw_points(x, mesh, 9, seed=3), [positions]),
+        "chamfer_distance": (lambda b, x, y: b.chamfer_distance(x, y), [vectors, normal(7, 3)]),
+        "chamfer_distance, not squared": (
+            lambda b, x, y: b.chamfer_distance(x, y, squared=False), [vectors, normal(7, 3)]
+        ),
         "eye_depth_slope": (
             lambda b, uv, clip: b.eye_depth_slope(first.replace(barycentrics=uv, clip=clip)),
             [first.barycentrics, behind_clip],

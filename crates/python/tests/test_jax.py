@@ -12,7 +12,7 @@ from jax.test_util import check_grads
 
 import bokashi
 import bokashi.jax as bj
-from cases import cases, layered
+from cases import ball, cases, layered
 from conftest import scene
 
 SIZE = 12, 16
@@ -118,6 +118,16 @@ def test_surfaces_behind_a_surface_have_true_gradients(generator):
     check_outside(lambda clip: bj.rasterize_behind(bj.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
     with pytest.raises(bokashi.RenderError, match="needs to be outside of jit"):
         jax.jit(lambda clip: bj.depth_layers(clip, mesh, 8)[0].barycentrics)(jnp.asarray(clip))
+
+
+def test_the_surface_of_a_field_has_true_gradients(generator):
+    grid, field, offsets = ball(generator)
+    check_outside(lambda field: bj.field_surface(field, grid)[0], field)
+    check_outside(lambda field, offsets: bj.field_surface(field, grid, offsets)[0], field, offsets)
+    with pytest.raises(bokashi.RenderError, match="needs to be outside of jit"):
+        jax.jit(lambda field: bj.field_surface(field, grid)[0])(jnp.asarray(field))
+    positions, mesh = bj.field_surface(jnp.asarray(field), grid)
+    assert bokashi.surface_area(positions, mesh) > 0
 
 
 def test_every_other_operation_has_true_gradients(generator):

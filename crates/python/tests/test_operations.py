@@ -246,6 +246,7 @@ ENTRIES = {
     "total_variation": "total_variation", "vertices": "laplacian_error edge_length_error normal_error rigid_error",
     "weighted_error": "mean_error", "squared_error": "squared_error", "sigmoid": "sigmoid", "softplus": "softplus",
     "dot": "dot", "cross": "cross", "norm": "norm", "normalize": "normalize", "sparse_product": "sparse_product",
+    "field_surface": "field_surface", "draw_points": "draw_points", "chamfer_distance": "chamfer_distance",
     "matmul": "matmul", "gather_rows": "gather_rows", "scatter_add_rows": "scatter_add_rows",
 }
 ABSENT = {

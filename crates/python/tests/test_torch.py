@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch")
 
 import bokashi
 import bokashi.torch as bt
-from cases import cases, layered
+from cases import ball, cases, layered
 from conftest import scene
 
 
@@ -101,6 +101,25 @@ def test_surfaces_behind_a_surface_pass_gradcheck(generator):
     check(lambda clip: [layer.barycentrics for layer in bt.depth_layers(clip, mesh, (7, 6))], clip)
     check(lambda clip: bt.rasterize_behind(bt.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
     assert bt.depth_layers(clip * torch.tensor([1, 1, 1, -1]), mesh, 8) == []
+
+
+def test_the_surface_of_a_field_passes_gradcheck(generator):
+    grid, field, offsets = ball(generator)
+    check(lambda field: bt.field_surface(field, grid)[0], tensor(field))
+    check(lambda field, offsets: bt.field_surface(field, grid, offsets)[0], tensor(field), tensor(offsets))
+    positions, mesh = bt.field_surface(torch.from_numpy(field).float(), grid)
+    assert positions.dtype == torch.float32 and positions.shape == (mesh.vertex_count, 3)
+
+
+def test_what_has_no_gradient_takes_tensors_that_are_detached(generator):
+    grid, field, _ = ball(generator)
+    positions, mesh = bt.field_surface(tensor(field).float(), grid)
+    fine = bokashi.subdivide(positions.detach(), mesh, "loop")
+    product = bt.sparse_product(positions, fine.weights)
+    np.testing.assert_allclose(product.detach(), fine.positions, rtol=1e-6, atol=1e-6)
+    product.sum().backward()
+    with pytest.raises(RuntimeError, match="requires grad"):
+        bokashi.surface_area(positions, mesh)
 
 
 def test_indices_and_masks_are_tensors_too(generator):

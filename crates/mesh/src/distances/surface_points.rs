@@ -49,6 +49,11 @@ impl<T: Scalar> SurfacePoints<T> {
         &self.barycentrics
     }
 
+    /// The weights of the vertices at each point, `[n, V]`.
+    pub fn weights(&self) -> &SparseMatrix<T> {
+        &self.matrix
+    }
+
     /// What stands at the points, `[n, C]`, of what stands at the vertices, `[V, C]`: the points themselves, of
     /// positions. It is differentiable with respect to these.
     ///
@@ -75,13 +80,17 @@ impl<T: Scalar> SurfacePoints<T> {
 ///
 /// # Errors
 /// `TensorError::Shape` unless the positions are `[V, 3]`; `TensorError::Value` for one that is not finite;
-/// [`MeshError::NoArea`] where the surface has no area.
+/// [`MeshError::NoArea`] where the surface has no area; `TensorError::Value` for 2^31 points and more.
 pub fn draw_points<T: Scalar>(
     positions: &Tensor<T>,
     mesh: &Mesh,
     count: usize,
     seed: u64,
 ) -> Result<SurfacePoints<T>, MeshError> {
+    if count >= 1 << 31 {
+        let (rule, value) = ("fewer than 2^31 points".into(), count as f64);
+        return Err(TensorError::Value { operation: "draw_points", rule, value }.into());
+    }
     let mut at = vertices(positions, mesh, "draw_points")?;
     Scale::balance([&mut at]);
     let mut total = 0.0;

@@ -268,6 +268,10 @@ fn what_has_no_distance_is_refused() {
         "draw_points needs a surface with an area, got 0 faces that have none"
     );
     assert_eq!(
+        refusal(draw_points(&some, &flat, 1 << 31, 0)),
+        "draw_points needs fewer than 2^31 points, got 2147483648"
+    );
+    assert_eq!(
         refusal(draw_points(&bad, &flat, 4, 0)),
         "draw_points needs finite numbers in row 1 of the positions, got NaN"
     );

@@ -32,8 +32,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 from . import _native, _operations
 from ._given import Fragments, size_of, surface_of
 from ._native import (
-    Coverage, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Texture, Topology,
-    num_threads, set_num_threads,
+    Connectivity, Coverage, Grid, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Texture,
+    Topology, num_threads, set_num_threads,
 )
 from ._operations import Environment, LensLayer, Single, Step, dressed
 
@@ -43,22 +43,28 @@ if TYPE_CHECKING:
 
     from ._check import Slope, check
     from ._dual import Dual, hvp, jvp
+    from ._meshes import (
+        DerivedMesh, FScore, NearestOnSurface, NearestPoints, f_score, nearest_on_surface, nearest_points,
+        normal_consistency, remesh, self_intersections, signed_volume, smooth, subdivide, surface_area,
+    )
     from ._scenes import Fit, Learning, Parameter, Picture, Scene, View, fit
 
 __all__ = [
-    "Coverage", "Dual", "Environment", "Fit", "Fragments", "Learning", "LensLayer", "Mesh", "Parameter", "Picture",
-    "Prefilter", "PullBack", "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Texture",
-    "Topology", "View", "affine_inverse", "antialias_image", "check", "composite_layers", "cross", "depth",
-    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
-    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "fit", "gather_rows",
-    "gaussian_blur", "halved", "hvp", "interpolate", "interpolate_differentials", "irradiance", "jvp",
-    "laplacian_error", "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm",
-    "normal_error", "normalize", "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole",
-    "prefiltered", "project", "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid",
-    "rigid_error", "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade",
-    "shade_in_environment", "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error",
-    "srgb_decode", "srgb_encode", "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points",
-    "vertex_normals",
+    "Connectivity", "Coverage", "DerivedMesh", "Dual", "Environment", "FScore", "Fit", "Fragments", "Grid", "Learning",
+    "LensLayer", "Mesh", "NearestOnSurface", "NearestPoints", "Parameter", "Picture", "Prefilter", "PullBack",
+    "RenderError", "Rigidity", "Scene", "SceneError", "Slope", "SparseMatrix", "Texture", "Topology", "View",
+    "affine_inverse", "antialias_image", "chamfer_distance", "check", "composite_layers", "cross", "depth",
+    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample", "draw_points",
+    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "f_score", "face_normals", "field_surface",
+    "fisheye", "fit", "gather_rows", "gaussian_blur", "halved", "hvp", "interpolate", "interpolate_differentials",
+    "irradiance", "jvp", "laplacian_error", "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error",
+    "nearest_on_surface", "nearest_points", "norm", "normal_consistency", "normal_error", "normalize", "num_threads",
+    "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project", "project_instances",
+    "rasterize", "rasterize_behind", "reflect", "remesh", "render", "rigid", "rigid_error", "sample_cube_map",
+    "sample_texture", "scatter_add_rows", "se3", "self_intersections", "set_num_threads", "shade",
+    "shade_in_environment", "sigmoid", "signed_volume", "silhouette_error", "smooth", "softplus", "sparse_product",
+    "squared_error", "srgb_decode", "srgb_encode", "ssim_error", "subdivide", "surface_area", "tangents",
+    "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -81,15 +87,22 @@ copyreg.pickle(Mesh, lambda mesh: (Mesh, (mesh.faces, mesh.vertex_count)))
 copyreg.pickle(Coverage, _parts)
 copyreg.pickle(Texture, lambda texture: (_texture, tuple(texture.levels)))
 copyreg.pickle(SparseMatrix, lambda matrix: (SparseMatrix, (matrix.shape, *matrix.entries)))
+copyreg.pickle(Grid, lambda grid: (Grid, (grid.shape, grid.origin, grid.spacing)))
 copyreg.pickle(Prefilter, lambda prefilter: (Prefilter, (prefilter.extent, prefilter.levels)))
 
 # The arrays of a call are of one type.
 _T = TypeVar("_T", "np.float32", "np.float64")
 _P = ParamSpec("_P")
 
+_MESHES = """
+    DerivedMesh FScore NearestOnSurface NearestPoints f_score nearest_on_surface nearest_points normal_consistency remesh
+    self_intersections signed_volume smooth subdivide surface_area
+"""
+
 _LATER = (
     {"Slope": "_check", "check": "_check"}
     | dict.fromkeys(("Dual", "hvp", "jvp"), "_dual")
+    | dict.fromkeys(_MESHES.split(), "_meshes")
     | dict.fromkeys(("Fit", "Learning", "Parameter", "Picture", "Scene", "View", "fit"), "_scenes")
 )
 
@@ -606,6 +619,12 @@ laplacian_error = _of_numpy(_operations.laplacian_error)
 edge_length_error = _of_numpy(_operations.edge_length_error)
 normal_error = _of_numpy(_operations.normal_error)
 rigid_error = _of_numpy(_operations.rigid_error)
+
+# Surfaces.
+
+field_surface = _of_numpy(_operations.field_surface)
+draw_points = _of_numpy(_operations.draw_points)
+chamfer_distance = _of_numpy(_operations.chamfer_distance)
 
 # Layers.
 

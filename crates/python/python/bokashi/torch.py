@@ -28,7 +28,7 @@ from torch.autograd.forward_ad import unpack_dual
 from torch.autograd.function import once_differentiable
 
 from . import (
-    Coverage, Environment, Fragments, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
+    Connectivity, Coverage, Environment, Fragments, Grid, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
     _detail, _levels, _native, _operations, num_threads, set_num_threads,
 )
 from . import Mesh as _Mesh
@@ -37,17 +37,18 @@ from ._given import size_of, surface_of
 from ._operations import Single, Step, dressed
 
 __all__ = [
-    "Coverage", "Environment", "Fragments", "LensLayer", "Mesh", "Prefilter", "RenderError", "Renderer", "Rigidity",
-    "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image", "composite_layers", "cross", "depth",
-    "depth_error", "depth_layers", "depth_of_field", "differentials", "distort", "dot", "downsample",
-    "edge_length_error", "exposure", "eye_depth", "eye_depth_slope", "face_normals", "fisheye", "gather_rows",
-    "gaussian_blur", "halved", "interpolate", "interpolate_differentials", "irradiance", "laplacian_error",
-    "lens_picture", "matmul", "mean_error", "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize",
-    "num_threads", "orthographic", "over", "perturbed_normals", "picture", "pinhole", "prefiltered", "project",
-    "project_instances", "rasterize", "rasterize_behind", "reflect", "render", "rigid", "rigid_error",
-    "sample_cube_map", "sample_texture", "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment",
-    "sigmoid", "silhouette_error", "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode",
-    "ssim_error", "tangents", "total_variation", "transform_normals", "transform_points", "vertex_normals",
+    "Connectivity", "Coverage", "Environment", "Fragments", "Grid", "LensLayer", "Mesh", "Prefilter", "RenderError",
+    "Renderer", "Rigidity", "SparseMatrix", "Texture", "Topology", "affine_inverse", "antialias_image",
+    "chamfer_distance", "composite_layers", "cross", "depth", "depth_error", "depth_layers", "depth_of_field",
+    "differentials", "distort", "dot", "downsample", "draw_points", "edge_length_error", "exposure", "eye_depth",
+    "eye_depth_slope", "face_normals", "field_surface", "fisheye", "gather_rows", "gaussian_blur", "halved",
+    "interpolate", "interpolate_differentials", "irradiance", "laplacian_error", "lens_picture", "matmul", "mean_error",
+    "mipmaps", "multiscale_ssim_error", "norm", "normal_error", "normalize", "num_threads", "orthographic", "over",
+    "perturbed_normals", "picture", "pinhole", "prefiltered", "project", "project_instances", "rasterize",
+    "rasterize_behind", "reflect", "render", "rigid", "rigid_error", "sample_cube_map", "sample_texture",
+    "scatter_add_rows", "se3", "set_num_threads", "shade", "shade_in_environment", "sigmoid", "silhouette_error",
+    "softplus", "sparse_product", "squared_error", "srgb_decode", "srgb_encode", "ssim_error", "tangents",
+    "total_variation", "transform_normals", "transform_points", "vertex_normals",
 ]
 
 
@@ -569,6 +570,12 @@ laplacian_error = _of_torch(_operations.laplacian_error)
 edge_length_error = _of_torch(_operations.edge_length_error)
 normal_error = _of_torch(_operations.normal_error)
 rigid_error = _of_torch(_operations.rigid_error)
+
+# Surfaces.
+
+field_surface = _of_torch(_operations.field_surface)
+draw_points = _of_torch(_operations.draw_points)
+chamfer_distance = _of_torch(_operations.chamfer_distance)
 
 # Layers.
 
