@@ -40,11 +40,12 @@ struct Level {
     rate: f64,
 }
 
-/// 64 rotations leave no other farther than some 45 degrees away, and all steps of the first level go as far.
-const LEVELS: [Level; 3] = [
-    Level { count: usize::MAX, side: 32, steps: 16, rate: 0.1 },
-    Level { count: 8, side: 48, steps: 24, rate: 0.05 },
-    Level { count: 3, side: 96, steps: 30, rate: 0.02 },
+/// Few steps say which starts are hopeless. The first two levels together can turn a start by some 60 degrees.
+const LEVELS: [Level; 4] = [
+    Level { count: usize::MAX, side: 24, steps: 6, rate: 0.15 },
+    Level { count: 20, side: 32, steps: 10, rate: 0.1 },
+    Level { count: 6, side: 48, steps: 16, rate: 0.05 },
+    Level { count: 2, side: 64, steps: 20, rate: 0.02 },
 ];
 
 /// Of two starts that came as near to each other, in degrees, one goes on.
@@ -121,7 +122,8 @@ impl<'a> Search<'a> {
             });
             let mut candidates: Vec<_> = starts.collect();
             for level in &LEVELS {
-                candidates = self.tried(level, &best_apart(&candidates, level.count), (&poses, index))?;
+                candidates =
+                    self.tried(level, &best_apart(&candidates, level.count), (&poses, index))?;
             }
             for best in best_apart(&candidates, 1) {
                 (poses[index].number, poses[index].motion) = (best.number, best.motion);
@@ -223,9 +225,8 @@ fn best_apart(candidates: &[Candidate], count: usize) -> Vec<Candidate> {
     let mut best: Vec<Candidate> = Vec::new();
     for candidate in sorted {
         let rotation = turn(&candidate.motion);
-        let is_near = |other: &Candidate| {
-            rotation.angle_between(turn(&other.motion)).to_degrees() < SAME
-        };
+        let is_near =
+            |other: &Candidate| rotation.angle_between(turn(&other.motion)).to_degrees() < SAME;
         if best.len() < count && !best.iter().any(is_near) {
             best.push(candidate);
         }
@@ -246,7 +247,8 @@ fn rotations(count: usize, seed: u64) -> Vec<DQuat> {
     let first = spiral(0, count).inverse();
     // Shares of 1 by powers of the root of x^4 = x + 1, as parts of 2^64.
     let shares = [0xd1b5_4a32_d192_ed03_u64, 0xabc9_8388_fb8f_ac03, 0x8cb9_2ba7_2f3d_8dd7];
-    let [square, a, b] = shares.map(|share| (seed.wrapping_mul(share) >> 11) as f64 / 2f64.powi(53));
+    let [square, a, b] =
+        shares.map(|share| (seed.wrapping_mul(share) >> 11) as f64 / 2f64.powi(53));
     let turned = on_circles(square, TAU * a, TAU * b);
     let all = (0..count).map(|k| match k {
         0 => DQuat::IDENTITY,
@@ -305,7 +307,12 @@ mod tests {
             loss,
             motion: [0.0, 0.0, 0.0, angle, 0.0, 0.0],
         };
-        let all = [candidate(2, 1.0, 0.5), candidate(0, 1.0, 1.5), candidate(1, 2.0, 3.0), candidate(3, 1.1, 1.51)];
+        let all = [
+            candidate(2, 1.0, 0.5),
+            candidate(0, 1.0, 1.5),
+            candidate(1, 2.0, 3.0),
+            candidate(3, 1.1, 1.51),
+        ];
         let numbers = |count| -> Vec<_> {
             best_apart(&all, count).iter().map(|candidate| candidate.number).collect()
         };
