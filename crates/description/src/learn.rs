@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{Count, NotNegative, Positive, Share};
+use crate::numbers::{Count, NotNegative, Positive, Share, StartCount};
 
 /// What is learnt. What is absent stays as it is and costs no gradient.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -21,7 +21,7 @@ pub struct Learn {
     pub metallic: Option<LearnMaps>,
     /// Where meshes stand. The rate of rotations is in radians, and of translations a share of the scene's
     /// radius.
-    pub pose: Option<LearnObjects>,
+    pub pose: Option<LearnPose>,
     /// Where cameras stand, as `pose`.
     pub cameras: Option<LearnNumbers>,
     /// Focal lengths and principal points: all views change alike, by shares of their focal lengths and of
@@ -60,6 +60,18 @@ pub struct LearnObjects {
     pub rate: Option<Positive>,
     /// The meshes that this is about; by default all.
     pub meshes: Option<Vec<String>>,
+}
+
+/// How places of meshes are learnt.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnPose {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// The meshes that this is about; by default all.
+    pub meshes: Option<Vec<String>>,
+    /// So many rotations of each mesh are tried on small images before the fit begins, which starts from the best.
+    pub starts: Option<StartCount>,
 }
 
 /// How maps are learnt.

@@ -76,6 +76,9 @@ numbers! {
     /// A whole number from 1 to a thousand million.
     Count: usize, "a whole number from 1 to 1000000000", |x| (1.0..=1e9).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 1_000_000_000];
+    /// A whole number from 1 to 4096.
+    StartCount: usize, "a whole number from 1 to 4096", |x| (1.0..=4096.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 4096];
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];

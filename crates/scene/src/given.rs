@@ -12,6 +12,9 @@ use crate::object::Object;
 use crate::scene::Scene;
 use crate::scene_view::SceneView;
 
+/// Starts of poses are tried on so many views: more would tell little more, and take more time.
+const MOST_SEARCHED: usize = 4;
+
 impl Scene {
     /// The scene's files and settings by name: all keys of `scene.toml` as `learn.vertices.rate`, each file's
     /// length and checksum, each mesh and view as it is in memory. It reads all images of the scene once.
@@ -55,7 +58,17 @@ impl Scene {
         Ok(given)
     }
 
-    /// The images and masks that a rank reads: of its views in steps, of those it measures, and of those it draws.
+    /// The views on which starts of poses are tried, by all ranks: a few of those that are learnt from, of all parts of
+    /// their list. None where no pose has several starts.
+    pub(crate) fn searched_views(&self) -> Vec<usize> {
+        let starts = self.description.learn.pose.as_ref().and_then(|pose| pose.starts);
+        let all: Vec<_> = self.views_with_image(false).filter(|_| starts.is_some()).collect();
+        let count = all.len().min(MOST_SEARCHED);
+        (0..count).map(|k| all[k * all.len() / count]).collect()
+    }
+
+    /// The images and masks that a rank reads: of its views in steps, of those it measures, and of those it draws; and
+    /// those that all ranks read.
     fn needed_by(&self, rank: usize, size: usize) -> BTreeSet<&PathBuf> {
         let shared = |is_own: fn(&SceneView) -> bool| {
             let views: Vec<_> = self.views.iter().filter(|view| is_own(view)).collect();
@@ -64,6 +77,7 @@ impl Scene {
         let learnt_from = shared(|view| view.image.is_some() && !view.held_out);
         let held_out = shared(|view| view.image.is_some() && view.held_out);
         let views = learnt_from.into_iter().chain(held_out).chain(shared(|_| true));
+        let views = views.chain(self.searched_views().into_iter().map(|view| &self.views[view]));
         views.flat_map(|view| [&view.image, &view.mask]).flatten().collect()
     }
 

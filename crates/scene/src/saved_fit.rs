@@ -120,7 +120,7 @@ impl Origin {
     ///
     /// # Errors
     /// [`FitError::Saved`] where parameters start elsewhere: what was learnt since has their place; and
-    /// where stages were changed that are done, before `stage`.
+    /// where stages were changed that are done, before `stage`, or the starts of poses that were tried.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
         let refused = |rule: &str, difference: &Difference| {
             let (before, other) =
@@ -131,6 +131,11 @@ impl Origin {
             return Err(refused("the start that it learnt from", difference));
         }
         let changed = differences(&self.given, &now.given);
+        if let Some(difference) =
+            changed.iter().find(|difference| difference.name == "`learn.pose.starts`")
+        {
+            return Err(refused("the starts that were tried", difference));
+        }
         let is_done = |difference: &&Difference| {
             (0..stage).any(|stage| difference.name.starts_with(&format!("`stages[{stage}]")))
         };

@@ -25,8 +25,6 @@ const LONGEST: usize = 600;
 /// where the object fills half of it. They are no shorter than this share of the mesh's radius, for the sake of time.
 const EDGES: f64 = 8.0;
 const SHORTEST: f64 = 0.012;
-/// For a pose that is far off, images are made so small.
-const COARSE: usize = 16;
 
 /// What is there to begin with.
 #[derive(Debug, Clone)]
@@ -267,8 +265,9 @@ impl Template<'_> {
                 "{vertices}# One colour: the mesh has no texture coordinates.\n[learn.texture]\n"
             ),
         };
-        let pose = "# Where the mesh stands, if it does not lie on the images yet. See [[stages]] below, too.\n\
-             # [learn.pose]\n";
+        let pose = "# Where the mesh stands, if it does not lie on the images yet. From far off, so many rotations are\n\
+             # tried first, on small images. Masks help: see `silhouette` below.\n\
+             # [learn.pose]\n# starts = 64\n";
         let toml = format!("{toml}\n{pose}");
         match self.photographs {
             Some(_) => toml,
@@ -330,19 +329,11 @@ impl Template<'_> {
         let images = self.photographs.map_or(1, |photographs| photographs.images.len());
         let views = images.min(VIEWS);
         let reduce = self.photographs.map_or(1, |photographs| reduce(&photographs.sizes));
-        // Of the shorter side some 16 pixels are left.
-        let coarse = self.photographs.map_or(1, |photographs| coarse(&photographs.sizes));
-        let learnt = "learn = [\"pose\"]";
-        let first = format!(
-            "# From a pose that is up to 90 degrees off: first the pose, by silhouettes of small images.\n\
-             # It needs [learn.pose] and silhouette = 1.0 above, and masks.\n\
-             # [[stages]]\n# steps = 300\n# reduce = {coarse}\n# views_per_step = {views}\n# rates = 3.0\n# {learnt}\n\n"
-        );
         if reduce == 1 {
-            return format!("{first}[[stages]]\nsteps = {steps}\nviews_per_step = {views}\n");
+            return format!("[[stages]]\nsteps = {steps}\nviews_per_step = {views}\n");
         }
         format!(
-            "{first}# With smaller images, which take less time, and then as they are.\n\
+            "# With smaller images, which take less time, and then as they are.\n\
              [[stages]]\nsteps = {steps}\nreduce = {reduce}\nviews_per_step = {views}\n\n\
              [[stages]]\nsteps = {}\nviews_per_step = {views}\nrates = 0.3\n",
             steps / 5
@@ -355,18 +346,6 @@ fn reduce(sizes: &[[usize; 2]]) -> usize {
     let longest = sizes.iter().flatten().copied().max().unwrap_or(1);
     let mut reduce = 1;
     while longest / reduce > LONGEST
-        && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
-    {
-        reduce *= 2;
-    }
-    reduce
-}
-
-/// How many times smaller images of these sizes become for a pose: down to some 16 pixels.
-fn coarse(sizes: &[[usize; 2]]) -> usize {
-    let shortest = sizes.iter().flatten().copied().min().unwrap_or(1);
-    let mut reduce = 1;
-    while shortest / (2 * reduce) >= COARSE
         && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
     {
         reduce *= 2;
@@ -411,7 +390,6 @@ mod tests {
         assert_eq!(reduce(&[[4032, 3024]]), 8);
         assert_eq!(reduce(&[[4032, 3025]]), 1);
         assert_eq!(reduce(&[]), 1);
-        assert_eq!([128, 800, 1000, 31].map(|side| coarse(&[[side, side]])), [8, 32, 8, 1]);
     }
 
     #[test]

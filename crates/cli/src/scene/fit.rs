@@ -128,6 +128,7 @@ fn notes(fit: &SceneFit) -> Result<Vec<String>, Failure> {
     let bent = lens_note(scene).map_err(SceneError::from)?;
     let mut notes: Vec<_> = scene.notes.iter().cloned().chain(bent).collect();
     notes.extend(capped_note(scene)?);
+    notes.extend(fit.starts().iter().cloned());
     notes.extend(changes(fit.changed()));
     let ended = fit.ended();
     notes.extend(ended.map(|rule| format!("the fit had ended when it was saved: {rule}")));

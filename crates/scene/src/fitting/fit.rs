@@ -3,16 +3,20 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use bokashi_core::Tape;
+use bokashi_core::{Tape, Tensor};
 use bokashi_fit::{
     Alone, Fit, FitError, Given, Parameters, Preconditioner, Ranks, Stepped, Stop, agreed,
     check_alike, check_same, saved,
 };
 
 use super::remeshing::{Carried, check_remeshing, remeshed};
-use super::stage::{StagePipeline, check_stages, set_rates, settings, views_of, views_per_step};
-use crate::description::{Count, Description, Remesh, Stage};
-use crate::error::{Location, SceneError};
+use super::stage::{
+    StagePipeline, check_stages, set_rates, settings, stages, views_of, views_per_step,
+    views_to_learn_from,
+};
+use super::starts::{Search, Start};
+use crate::description::{Remesh, Stage};
+use crate::error::SceneError;
 use crate::given::starts;
 use crate::learnables::{Frame, Values};
 use crate::learning::{Learnt, LearntRate};
@@ -22,9 +26,6 @@ use crate::saved_fit::{self, Origin, Surface, surfaces_to_bytes};
 use crate::scene::{Scene, check_views};
 use crate::stopping::StopRules;
 use crate::targets::Targets;
-
-/// Steps of a fit that does not say.
-const STEPS: usize = 1000;
 
 /// After so many steps the ranks of a job compare their parameters: seldom enough that nobody notices.
 const BETWEEN_CHECKS: u64 = 100;
@@ -47,6 +48,8 @@ pub struct SceneFit {
     from: Option<Origin>,
     /// What was changed since the fit was saved, in words.
     changed: Vec<String>,
+    /// Which starts of poses were taken, in words.
+    starts: Vec<String>,
 }
 
 impl SceneFit {
@@ -181,6 +184,7 @@ impl SceneFit {
             given,
             from,
             changed: Vec::new(),
+            starts: Vec::new(),
         })
     }
 
@@ -190,12 +194,32 @@ impl SceneFit {
         let Some((scene, starts)) = self.given.take() else { return Ok(self) };
         let origin = Origin { given: scene.given_among(&*self.ranks)?, starts };
         check_alike(&*self.ranks, &origin.starts)?;
-        if let Some(from) = self.from.take() {
-            self.changed = from.changed_to(&origin, self.stage)?;
+        match self.from.take() {
+            Some(from) => self.changed = from.changed_to(&origin, self.stage)?,
+            None => self.choose_starts()?,
         }
         self.pipeline.origin = origin.to_bytes().into();
         self.fit.keep_state(&self.pipeline);
         Ok(self)
+    }
+
+    /// Moves poses to the best of the starts that the scene asks for.
+    fn choose_starts(&mut self) -> Result<(), SceneError> {
+        let Self { renderer, targets, ranks, .. } = self;
+        let Some(search) = Search::new(renderer, targets, ranks) else { return Ok(()) };
+        let starts = search.best(self.fit.parameters())?;
+        for Start { name, motion, .. } in &starts {
+            self.fit.parameters_mut().set_value(name, &Tensor::from(*motion))?;
+        }
+        self.starts = starts.iter().map(Start::to_string).collect();
+        self.targets.forget();
+        Ok(())
+    }
+
+    /// Of each mesh whose pose has several starts (`starts` of `[learn.pose]`), which of them was taken, in words.
+    /// Empty of a fit that was resumed.
+    pub fn starts(&self) -> &[String] {
+        &self.starts
     }
 
     /// What was changed in the scene since the fit was saved that it goes on from, in words. It takes effect
@@ -414,21 +438,6 @@ impl SceneFit {
     }
 }
 
-/// The stages of a description: one of all steps, where it has none.
-fn stages(description: &Description) -> Vec<Stage> {
-    match description.stages.as_slice() {
-        [] => vec![Stage {
-            steps: description.stop.steps.unwrap_or(Count(STEPS)),
-            learn: None,
-            reduce: None,
-            views_per_step: description.stop.views_per_step,
-            rates: None,
-            remesh: None,
-        }],
-        stages => stages.to_vec(),
-    }
-}
-
 /// What draws a scene, and what is learnt of it, after its meshes got other vertices.
 fn with_surfaces(
     scene: Arc<Scene>,
@@ -468,20 +477,10 @@ fn resumed(
     }
 }
 
-/// The views with an image that is not held out.
-fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneError> {
-    let views: Arc<[usize]> = scene.views_with_image(false).collect();
-    if views.is_empty() {
-        let rule = "a fit has a view with an image that is not held out";
-        let message = format!("{rule}, and none of {} views is one", scene.views.len());
-        return Err(SceneError::content(Location::new(&scene.path), message));
-    }
-    Ok(views)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Location;
     use crate::picture::{Picture, Samples};
     use bokashi_fit::on_ranks;
     use std::fs;

@@ -4,6 +4,7 @@ mod fit;
 mod remeshing;
 mod scores;
 mod stage;
+mod starts;
 
 pub use self::fit::SceneFit;
 pub use self::scores::{SeenView, ViewScore};

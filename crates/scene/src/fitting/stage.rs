@@ -8,7 +8,7 @@ use bokashi_fit::{
     Views, mean_error, ssim_error, views,
 };
 
-use crate::description::{LossKind, Stage};
+use crate::description::{Count, Description, LossKind, Stage};
 use crate::error::{Location, SceneError};
 use crate::learnables::Values;
 use crate::learning::{LearntRate, Regularizer};
@@ -17,6 +17,9 @@ use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
 use crate::targets::{HUBER, Targets, fit_error};
+
+/// Steps of a fit that does not say.
+const STEPS: usize = 1000;
 
 /// The loss of a view.
 pub(super) type Loss = Box<
@@ -68,6 +71,32 @@ impl Pipeline<f32> for StagePipeline {
         }
         Ok(loss)
     }
+}
+
+/// The stages of a description: one of all steps, where it has none.
+pub(super) fn stages(description: &Description) -> Vec<Stage> {
+    match description.stages.as_slice() {
+        [] => vec![Stage {
+            steps: description.stop.steps.unwrap_or(Count(STEPS)),
+            learn: None,
+            reduce: None,
+            views_per_step: description.stop.views_per_step,
+            rates: None,
+            remesh: None,
+        }],
+        stages => stages.to_vec(),
+    }
+}
+
+/// The views with an image that is not held out.
+pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneError> {
+    let views: Arc<[usize]> = scene.views_with_image(false).collect();
+    if views.is_empty() {
+        let rule = "a fit has a view with an image that is not held out";
+        let message = format!("{rule}, and none of {} views is one", scene.views.len());
+        return Err(SceneError::content(Location::new(&scene.path), message));
+    }
+    Ok(views)
 }
 
 /// Stages name what is learnt, and nothing else.
@@ -138,7 +167,7 @@ pub(super) fn views_of(
 }
 
 /// How far a view is from its image.
-fn loss_of_view<'t>(
+pub(super) fn loss_of_view<'t>(
     renderer: &Renderer,
     targets: &Targets,
     values: &Values<'t, '_>,

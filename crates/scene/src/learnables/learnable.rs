@@ -8,7 +8,7 @@ use bokashi_render_ops::RenderError;
 
 use super::frame::Frame;
 use crate::description::{
-    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Positive,
+    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, Positive,
 };
 use crate::error::{Location, SceneError};
 use crate::object::Object;
@@ -238,6 +238,13 @@ impl<'l> From<&'l LearnLens> for Entry<'l> {
 
 impl<'l> From<&'l LearnObjects> for Entry<'l> {
     fn from(entry: &'l LearnObjects) -> Self {
+        let meshes = entry.meshes.as_deref();
+        Self { rate: number(entry.rate), meshes, ..Self::default() }
+    }
+}
+
+impl<'l> From<&'l LearnPose> for Entry<'l> {
+    fn from(entry: &'l LearnPose) -> Self {
         let meshes = entry.meshes.as_deref();
         Self { rate: number(entry.rate), meshes, ..Self::default() }
     }

@@ -9,6 +9,7 @@ mod images;
 mod lenses;
 mod meshes;
 mod metamorphic;
+mod poses;
 mod ranks;
 mod rays;
 mod resuming;

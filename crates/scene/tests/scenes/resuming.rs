@@ -273,6 +273,13 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ),
         ("learn.pose.rate", "[learn.pose]\nrate = 0.01", "[learn.pose]\nrate = 0.02", Takes),
         ("learn.pose.meshes", "rate = 0.01\nmeshes = [\"cube\"]", "rate = 0.01", Named),
+        // They were tried when the fit began.
+        (
+            "learn.pose.starts",
+            "[learn.pose]\n",
+            "[learn.pose]\nstarts = 2\n",
+            Refused("the starts that were tried: `learn.pose.starts`"),
+        ),
         ("learn.cameras.rate", "rate = 0.003", "rate = 0.004", Takes),
         (
             "learn.intrinsics.rate",
