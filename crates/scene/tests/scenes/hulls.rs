@@ -1,7 +1,6 @@
 //! Fits that start from what masks allow, and whose meshes get other vertices.
 
 use std::f64::consts::TAU;
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -218,8 +217,7 @@ fn meshes_that_cannot_change_are_refused() {
         &(stage.to_owned() + &sphere.replace("texture_size = 8", "vertex_colors = true") + &text),
     );
     assert!(SceneFit::new(scene).unwrap().step().unwrap().is_some());
-    let mut short = String::new();
-    write!(short, "{hull}[learn.vertices]\n").unwrap();
+    let short = format!("{hull}[learn.vertices]\n");
     let scene = load(folder.path(), &(stage.replace("0.1", "1e-9") + &short + &text));
     let error = SceneFit::new(scene).unwrap().step().unwrap_err().to_string();
     assert!(error.contains("needs"), "{error}");
