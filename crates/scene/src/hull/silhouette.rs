@@ -205,7 +205,7 @@ mod tests {
             Tensor::from_flat_fn([9, 9], |k| [1.0, 1.0, 1.0, 1.0, 0.25, 0.0][(k % 9).min(5)]);
         let silhouette = Silhouette::new(camera(), &mask);
         let distance = silhouette.distances(DVec3::ZERO);
-        for (pixels, expected) in [(0.0, 0.25), (2.0, 1.5), (-3.0, -2.5)] {
+        for (pixels, expected) in [(0.0, 0.25), (2.0, 2.5), (-3.0, -2.5)] {
             let found = distance(DVec3::new(0.1 * pixels, 0.0, 0.0)).unwrap();
             assert!((found - 0.1 * expected).abs() < 1e-6, "{pixels}: {found}");
         }
