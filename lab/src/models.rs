@@ -143,7 +143,8 @@ fn comes_back(model: &Model, folder: &Folder) -> Result<bool, SceneError> {
     let bare = |geometry: &Geometry| Geometry { offset: DVec3::ZERO, ..geometry.clone() };
     let mut same = back.geometries == model.geometries.iter().map(bare).collect::<Vec<_>>();
     for geometry in &model.geometries {
-        let written = ply(geometry, &[DMat4::from_translation(geometry.offset)], &model.materials, |_| None)?;
+        let written =
+            ply(geometry, &[DMat4::from_translation(geometry.offset)], &model.materials, |_| None)?;
         let back = read_model_bytes(&written, MeshKind::Ply, folder, "written.ply", options)?;
         same &= back.geometries.len() == 1 && back.geometries[0].faces == geometry.faces;
     }
