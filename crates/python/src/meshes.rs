@@ -3,9 +3,7 @@
 //! What has no gradient is computed in double precision, whatever the type of its arrays.
 
 use bokashi_core::Tensor;
-use bokashi_mesh::{
-    self as mesh, EdgeLengths, PointDistance, RemeshOptions, Smoothing, Subdivision,
-};
+use bokashi_mesh::{self as mesh, PointDistance, RemeshOptions, Smoothing, Subdivision};
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -216,6 +214,7 @@ fn derived<'py>(
 }
 
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "Python has names for them")]
 pub fn remesh<'py>(
     py: Python<'py>,
     positions: Array<'py>,

@@ -79,6 +79,13 @@ def test_a_mesh_of_another_one_carries_what_stands_at_vertices(generator):
     assert 0.15 < sizes.mean() < 0.25
     same = bokashi.remesh(positions, mesh, 0.2, iterations=0)
     np.testing.assert_array_equal(same.positions, positions)
+    # Where vertices don't move, those that are kept stay.
+    old = set(map(bytes, positions))
+    counts = [
+        sum(bytes(row) in old for row in bokashi.remesh(positions, mesh, 0.2, **options).positions)
+        for options in ({}, {"keeps_apart": False}, {"moves_vertices": False})
+    ]
+    assert counts[0] == counts[1] == 0 and counts[2] > 10, counts
     few = bokashi.remesh(positions, mesh, 0.05, most_faces=len(mesh))
     assert len(few.mesh) <= len(mesh)
 

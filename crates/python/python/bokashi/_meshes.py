@@ -34,7 +34,7 @@ class NearestPoints(NamedTuple):
 
 
 class NearestOnSurface(NamedTuple):
-    """For each query a point on a surface, `[N, 3]`, its distance, `[N]`, and its face, `[N]`, `uint32`.
+    """For each query a point on a surface, `[N, 3]`, its distance and its face, `[N]`; floats are of `float64`.
 
     `sparse_product(x, weights)` is what stands at these points, `[N, C]`, of what stands at the vertices, `[V, C]`.
     """
@@ -146,7 +146,8 @@ def nearest_on_surface(queries: ArrayLike, positions: ArrayLike, mesh: Mesh) -> 
     Of faces at one distance it is on the first. Faces without an area count as the edges or points that they are.
 
     >>> import bokashi, numpy as np
-    >>> found = bokashi.nearest_on_surface([[0.25, 0.25, 2]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], bokashi.Mesh(np.array([[0, 1, 2]]), 3))
+    >>> mesh, corners = bokashi.Mesh(np.array([[0, 1, 2]]), 3), [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    >>> found = bokashi.nearest_on_surface([[0.25, 0.25, 2]], corners, mesh)
     >>> found.points.tolist(), found.distances.tolist()
     ([[0.25, 0.25, 0.0]], [2.0])
     """
