@@ -146,7 +146,8 @@ impl<'a> Search<'a> {
             Some(parallel::alone(|| self.refined(level, &own[k], poses)))
         });
         let tried: Result<Vec<_>, FitError> = results.into_iter().flatten().collect();
-        let bytes = tried.map(|all| all.iter().flat_map(Candidate::to_bytes).collect());
+        let bytes =
+            tried.map(|all| all.iter().flat_map(|candidate| candidate.to_bytes()).collect());
         let all = agree(&**self.ranks, bytes)?;
         Ok(all.iter().flat_map(|bytes| bytes.as_chunks().0).map(Candidate::from_bytes).collect())
     }
@@ -194,7 +195,7 @@ impl<'a> Search<'a> {
 }
 
 impl Candidate {
-    fn to_bytes(&self) -> [u8; BYTES] {
+    fn to_bytes(self) -> [u8; BYTES] {
         let mut bytes = [0; BYTES];
         bytes[..8].copy_from_slice(&(self.number as u64).to_le_bytes());
         bytes[8..16].copy_from_slice(&self.loss.to_le_bytes());
