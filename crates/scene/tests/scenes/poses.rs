@@ -26,32 +26,30 @@ fn balls() -> [Ball; 4] {
 }
 
 /// The balls as one OBJ with colours at vertices, by longitudes and latitudes.
-fn object(balls: &[Ball]) -> String {
-    const ROWS: usize = 12;
-    const COLUMNS: usize = 20;
+fn object(balls: &[Ball], [rows, columns]: [usize; 2]) -> String {
     let (mut text, mut faces) = (String::new(), String::new());
     for (number, ball) in balls.iter().enumerate() {
-        for k in 0..=ROWS * COLUMNS {
-            let (row, column) = (k / COLUMNS, k % COLUMNS);
-            let (sin, cos) = (std::f64::consts::PI * row as f64 / ROWS as f64).sin_cos();
-            let (y, x) = (std::f64::consts::TAU * column as f64 / COLUMNS as f64).sin_cos();
+        for k in 0..=rows * columns {
+            let (row, column) = (k / columns, k % columns);
+            let (sin, cos) = (std::f64::consts::PI * row as f64 / rows as f64).sin_cos();
+            let (y, x) = (std::f64::consts::TAU * column as f64 / columns as f64).sin_cos();
             let place = ball.center + ball.radius * DVec3::new(sin * x, sin * y, cos);
             let [r, g, b] = ball.color(place);
             writeln!(text, "v {} {} {} {r} {g} {b}", place.x, place.y, place.z).unwrap();
             // The last vertex is a pole; the first row is the other one.
             let at = |row: usize, column: usize| {
                 let vertex =
-                    if row == ROWS { ROWS * COLUMNS } else { row * COLUMNS + column % COLUMNS };
-                number * (ROWS * COLUMNS + 1) + vertex + 1
+                    if row == rows { rows * columns } else { row * columns + column % columns };
+                number * (rows * columns + 1) + vertex + 1
             };
-            if row < ROWS {
+            if row < rows {
                 let corners = [[0, 0], [1, 0], [1, 1], [0, 1]];
                 let [a, b, c, d] = corners.map(|[down, right]| at(row + down, column + right));
-                writeln!(faces, "f {a} {b} {c}").unwrap();
-                if row > 0 && row + 1 < ROWS {
+                if row + 1 < rows {
+                    writeln!(faces, "f {a} {b} {c}").unwrap();
+                }
+                if row > 0 {
                     writeln!(faces, "f {a} {c} {d}").unwrap();
-                } else if row > 0 {
-                    writeln!(faces, "f {a} {b} {d}").unwrap();
                 }
             }
         }
@@ -65,11 +63,12 @@ struct Turned {
 }
 
 impl Turned {
-    fn new(pixels: usize) -> Self {
+    fn new(pixels: usize, rows: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let eye = Eye { position: DVec3::new(0.0, 0.0, 4.0), angle: ANGLE, pixels };
         fs::write(folder.path().join("a.png"), photograph(&balls(), &eye)).unwrap();
-        fs::write(folder.path().join("object.obj"), object(&balls())).unwrap();
+        fs::write(folder.path().join("object.obj"), object(&balls(), [rows, rows * 5 / 3]))
+            .unwrap();
         Self { folder }
     }
 
@@ -130,7 +129,7 @@ fn all_bits(fit: &SceneFit) -> Vec<u32> {
 
 #[test]
 fn starts_far_off_are_found() {
-    let turned = Turned::new(64);
+    let turned = Turned::new(64, 12);
     for (axis, degrees) in [([1.0, 2.0, 0.5], 120.0), ([0.0, 1.0, 0.0], 70.0)] {
         let rotation = rotation(axis, degrees);
         let rest = "[learn.pose]\nstarts = 64\n[stop]\nsteps = 40\n";
@@ -151,7 +150,7 @@ fn starts_far_off_are_found() {
 
 #[test]
 fn a_start_has_the_same_bits_on_all_threads_and_ranks_and_when_it_is_resumed() {
-    let turned = Turned::new(36);
+    let turned = Turned::new(36, 4);
     // A second mesh, turned after the first.
     let more = "[[meshes]]\nshape = \"cube\"\nplace = { scale = 0.2, translation = [0.4, -0.6, 0] }\n\
                 [learn.pose]\nstarts = 7\n[stop]\nsteps = 4\n";
@@ -198,7 +197,7 @@ fn a_start_has_the_same_bits_on_all_threads_and_ranks_and_when_it_is_resumed() {
 
 #[test]
 fn starts_need_an_image_and_a_number_that_is_not_huge() {
-    let turned = Turned::new(16);
+    let turned = Turned::new(16, 12);
     for (starts, rule) in
         [("0", "from 1 to 4096"), ("4097", "from 1 to 4096"), ("1.5", "from 1 to 4096")]
     {
@@ -227,7 +226,7 @@ fn starts_need_an_image_and_a_number_that_is_not_huge() {
 #[test]
 #[ignore = "some minutes: a measurement"]
 fn most_of_a_hundred_random_rotations_are_found() {
-    let turned = Turned::new(64);
+    let turned = Turned::new(64, 12);
     for (starts, count) in [("starts = 64\n", 100), ("", 20)] {
         let rest = format!("[learn.pose]\n{starts}[stop]\nsteps = 40\n");
         let mut found = Vec::new();
