@@ -1,7 +1,7 @@
 //! Where poses start that are far off: rotations that are tried on small images before a fit begins.
 //!
 //! A fit of a pose ends in the minimum of its loss beside its start, and that is the right one from some tens of degrees
-//! away. 64 rotations leave others 30 degrees away in the mean, and at most some 57. So rotations about the mesh's middle are spread evenly over all of them, the given one first. From each a
+//! away. 64 rotations leave others 30 degrees away in the mean, and at most some 60. So rotations about the mesh's middle are spread evenly over all of them, the given one first. From each a
 //! few steps are made on images so small that a step costs next to nothing; the best go on with larger images, and
 //! where the best of these is, the fit begins. Losses are those of the fit, over a few views.
 //!
@@ -295,7 +295,7 @@ mod tests {
             let far = rotations(5000, seed + u64::from(seed < 9));
             let far = far.into_iter().map(|of| nearest(of, 64)).fold(0.0, f64::max);
             println!("seed {seed}: {apart:.1} apart, {far:.1} far");
-            assert!(apart > 25.0 && far < 60.0, "seed {seed}: {apart} apart, {far} far");
+            assert!(apart > 37.0 && far < 62.0, "seed {seed}: {apart} apart, {far} far");
         }
         assert_ne!(rotations(64, 0)[1], rotations(64, 1)[1]);
         assert_eq!(rotations(1, 5), [DQuat::IDENTITY]);
