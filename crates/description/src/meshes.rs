@@ -21,8 +21,8 @@ pub struct MeshEntry {
     pub shape: Option<Shape>,
     /// About how many faces the shape has.
     pub faces: Option<Count>,
-    /// Of a hull, the share of the views that have to agree that a place belongs to it; by default 0.9. Others may
-    /// have a wrong mask or camera.
+    /// Of a hull, the least share of the views that agree that a place belongs to it; by default 0.8. Others may have a
+    /// wrong mask or camera.
     pub agreement: Option<Share>,
     /// How the file's numbers of vertex colours stand for light. By default sRGB for OBJ and PLY, and linear
     /// for glTF.

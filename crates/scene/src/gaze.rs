@@ -39,6 +39,33 @@ pub fn share_seen(object: &Object, camera: &Camera) -> f64 {
 /// `None` where their axes have no such place, as those of a single camera, or where some camera does not
 /// see it.
 pub fn gaze(cameras: &[Camera]) -> Option<(DVec3, f64)> {
+    let center = meeting_point(cameras)?;
+    let radii = cameras.iter().map(|camera| seen_radius(camera, center));
+    let radius = radii.fold(f64::INFINITY, f64::min);
+    (radius > 0.0 && radius.is_finite()).then_some((center, radius))
+}
+
+/// [`gaze`] of a share of the cameras, those that see most: the place, and the median of the radii. Others may be close
+/// or look elsewhere.
+pub(crate) fn gaze_of_most(cameras: &[Camera], share: f64) -> Option<(DVec3, f64)> {
+    let count = ((share * cameras.len() as f64).ceil() as usize).clamp(1, cameras.len().max(1));
+    let mut kept = cameras.to_vec();
+    let mut center = meeting_point(&kept)?;
+    for _ in 0..2 {
+        let by_radius = |camera: &Camera| -seen_radius(camera, center);
+        kept = cameras.to_vec();
+        kept.sort_by(|a, b| by_radius(a).total_cmp(&by_radius(b)));
+        kept.truncate(count);
+        center = meeting_point(&kept)?;
+    }
+    let mut radii: Vec<_> = kept.iter().map(|camera| seen_radius(camera, center)).collect();
+    radii.sort_by(f64::total_cmp);
+    let radius = radii[radii.len() / 2];
+    (radius > 0.0 && radius.is_finite()).then_some((center, radius))
+}
+
+/// The place with the least sum of squared distances to the axes of `cameras`.
+fn meeting_point(cameras: &[Camera]) -> Option<DVec3> {
     let count = cameras.len() as f64;
     let (mut across, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
@@ -54,33 +81,34 @@ pub fn gaze(cameras: &[Camera]) -> Option<(DVec3, f64)> {
         return None;
     }
     let center = across.inverse() * sum;
-    let radii = cameras.iter().map(|camera| {
-        let point = camera.view.transform_point3(center);
-        let [.., cx, cy] = camera.intrinsics;
-        let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
-        // The axis, how far it is from the principal point to a side of the image, and the place along it.
-        let sides = [
-            (0, cx + HALF, point.x),
-            (0, width - HALF - cx, -point.x),
-            (1, cy + HALF, point.y),
-            (1, height - HALF - cy, -point.y),
-        ];
-        if let Distortion::Fisheye(_) = camera.distortion {
-            // The angle that is left between the ball's middle and the nearest side.
-            let angles = sides.map(|(k, reach, _)| camera.angle_at(k, reach).unwrap_or(PI));
-            let off = point.truncate().length().atan2(point.z);
-            let gap = angles.into_iter().fold(PI, f64::min) - off;
-            return point.length() * gap.min(FRAC_PI_2).sin();
-        }
-        // The planes through the eye and the sides of the image, as distances to them.
-        let gaps = sides.map(|(k, reach, along)| {
-            let f = camera.intrinsics[k];
-            (f * along + reach * point.z) / f.hypot(reach)
-        });
-        gaps.into_iter().fold(point.z, f64::min)
+    center.is_finite().then_some(center)
+}
+
+/// The radius of the largest ball around `center` that a camera sees whole; not above 0 where it does not see it.
+fn seen_radius(camera: &Camera, center: DVec3) -> f64 {
+    let point = camera.view.transform_point3(center);
+    let [.., cx, cy] = camera.intrinsics;
+    let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
+    // The axis, how far it is from the principal point to a side of the image, and the place along it.
+    let sides = [
+        (0, cx + HALF, point.x),
+        (0, width - HALF - cx, -point.x),
+        (1, cy + HALF, point.y),
+        (1, height - HALF - cy, -point.y),
+    ];
+    if let Distortion::Fisheye(_) = camera.distortion {
+        // The angle that is left between the ball's middle and the nearest side.
+        let angles = sides.map(|(k, reach, _)| camera.angle_at(k, reach).unwrap_or(PI));
+        let off = point.truncate().length().atan2(point.z);
+        let gap = angles.into_iter().fold(PI, f64::min) - off;
+        return point.length() * gap.min(FRAC_PI_2).sin();
+    }
+    // The planes through the eye and the sides of the image, as distances to them.
+    let gaps = sides.map(|(k, reach, along)| {
+        let f = camera.intrinsics[k];
+        (f * along + reach * point.z) / f.hypot(reach)
     });
-    let radius = radii.fold(f64::INFINITY, f64::min);
-    (center.is_finite() && radius > 0.0 && radius.is_finite()).then_some((center, radius))
+    gaps.into_iter().fold(point.z, f64::min)
 }
 
 #[cfg(test)]
@@ -136,6 +164,7 @@ mod tests {
     fn axes_that_do_not_meet_in_front_have_no_place() {
         let along = camera(DVec3::Z, DVec3::ZERO);
         let beside = camera(DVec3::new(1.0, 0.0, 1.0), DVec3::X);
+        assert_eq!(gaze_of_most(&[], 0.8), None);
         assert_eq!(gaze(&[]), None);
         assert_eq!(gaze(&[along]), None);
         assert_eq!(gaze(&[along, beside]), None, "parallel");

@@ -188,16 +188,31 @@ impl Object {
 
     /// Why it can't have another surface, in words.
     pub(crate) fn fixed(&self) -> Option<&'static str> {
-        let colors = self.colors.as_ref().map(|colors| &colors.indices);
         if self.materials.len() > 1 {
             Some("has several materials")
         } else if self.coordinates_of_maps().is_some() {
             Some("has textures")
-        } else if colors.is_some_and(|indices| indices.faces() != self.mesh.faces()) {
-            Some("has colours at corners of faces, not at vertices")
+        } else if self.colors.is_some() && self.colors_of_vertices().is_none() {
+            Some("has vertices with several colours, or with none")
         } else {
             None
         }
+    }
+
+    /// Which row of its colours each vertex has; a vertex without a face has the first. `None` where one has several.
+    pub(crate) fn colors_of_vertices(&self) -> Option<Vec<u32>> {
+        let colors = self.colors.as_ref()?;
+        let mut rows = vec![NO_ROW; self.mesh.vertex_count()];
+        let corners = self.mesh.faces().as_flattened().iter();
+        for (&vertex, &row) in corners.zip(colors.indices.faces().as_flattened()) {
+            let own = &mut rows[vertex as usize];
+            if ![NO_ROW, row].contains(own) || row as usize >= colors.rows.shape()[0] {
+                return None;
+            }
+            *own = row;
+        }
+        rows.iter_mut().filter(|row| **row == NO_ROW).for_each(|row| *row = 0);
+        (colors.rows.shape()[0] > 0).then_some(rows)
     }
 
     /// Gives an object that is not [fixed](Self::fixed) another surface: positions `[V, 3]`, and colours `[V, 3]` if

@@ -22,8 +22,8 @@ pub(crate) struct Progress {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Surface {
-    /// The object's index.
-    pub(crate) object: usize,
+    /// The object's name.
+    pub(crate) object: String,
     #[serde(with = "rows")]
     pub(crate) faces: Vec<[u32; 3]>,
     #[serde(with = "rows")]
@@ -194,7 +194,8 @@ mod tests {
         let progress = Progress { stage: 3, seen: rules.seen(), remeshed: Some(7) };
         let rows = vec![[0.1, -0.0, f32::INFINITY]; 2];
         let faces = vec![[0, 1, u32::MAX]];
-        let surface = Surface { object: 1, faces, positions: rows, colors: Vec::new() };
+        let object = "vase".to_owned();
+        let surface = Surface { object, faces, positions: rows, colors: Vec::new() };
         let surfaces = vec![surface];
         let words = |all: &[(&str, &str)]| -> Given {
             all.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()

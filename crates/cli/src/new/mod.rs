@@ -57,12 +57,7 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     let (start, photographs) = (start.as_ref(), photographs.as_ref());
     let mut template = Template { start, photographs, no_hull: None };
     let mut made = Made::new(folder);
-    let mut result = make(&mut made, &copies, &template, &file);
-    if let (Err(failure), true) = (&result, template.starts_from_hull()) {
-        template.no_hull = Some(failure.to_string());
-        result = make(&mut made, &copies, &template, &file);
-    }
-    match result {
+    match make(&mut made, &copies, &mut template, &file) {
         Ok(scene) => say(&last_words(&file, &copies, &template, &scene)),
         Err(failure) => {
             // So that the same command can be given again.
@@ -72,17 +67,26 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     }
 }
 
-/// Writes all files; the scene of them is then loaded.
+/// Writes all files; the scene of them is then loaded. Where masks make no hull, `template` says so afterwards.
 fn make(
     made: &mut Made<'_>,
     copies: &Copies<'_>,
-    template: &Template<'_>,
+    template: &mut Template<'_>,
     file: &Path,
 ) -> Result<Scene, Failure> {
     copies.write(made)?;
     made.write(SCHEMA, description::schema().as_bytes())?;
-    made.write(SCENE, format!("#:schema ./{SCHEMA}\n{}", template.text()).as_bytes())?;
-    Scene::load(file).map_err(|error| Failure::Work(error.to_string()))
+    let write = |made: &mut Made<'_>, template: &Template<'_>| {
+        made.write(SCENE, format!("#:schema ./{SCHEMA}\n{}", template.text()).as_bytes())
+    };
+    write(made, template)?;
+    let mut loaded = Scene::load(file);
+    if let (Err(error), true) = (&loaded, template.starts_from_hull()) {
+        template.no_hull = Some(error.to_string());
+        write(made, template)?;
+        loaded = Scene::load(file);
+    }
+    loaded.map_err(|error| Failure::Work(error.to_string()))
 }
 
 /// Whether a schema can be written to the folder: there is none, or one that another build wrote.

@@ -85,11 +85,10 @@ impl Template<'_> {
 
     /// Whether the fit starts from what the masks allow.
     pub(super) fn starts_from_hull(&self) -> bool {
-        let meets = |photographs: &Photographs| gaze(&photographs.cameras).is_some();
         self.no_hull.is_none()
             && self.start.is_none()
             && self.compares_masks()
-            && self.photographs.is_some_and(meets)
+            && !self.needs_cameras()
     }
 
     fn learns_shape(&self) -> bool {
@@ -310,7 +309,7 @@ impl Template<'_> {
              # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
              [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
              remesh = {{ length = {}, every = 50 }}\n\n\
-             # Then all of it, as finely as the images show it.\n\
+             # Then all of it. Images are made smaller to some 600 pixels, for the sake of time.\n\
              [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
              # At last colours alone.\n\

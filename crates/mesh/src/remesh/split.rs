@@ -17,7 +17,11 @@ const PASSES: usize = 64;
 impl Changing<'_> {
     /// Splits edges, longest first, until none is longer than 4/3 of what is asked for, or there are `most_faces`.
     pub(super) fn split_long_edges(&mut self, most_faces: usize) {
-        for _ in 0..PASSES {
+        for pass in 0..PASSES {
+            // Faces of a pass stand in the leaves of those that they were made of.
+            if pass > 0 && self.tree.is_some() {
+                self.plant();
+            }
             let mut long = Vec::new();
             self.for_each_edge(|a, b| {
                 let length = self.relative_length(a, b);

@@ -9,7 +9,7 @@ use bokashi_fit::{
     check_alike, check_same, saved,
 };
 
-use super::remeshing::{Carried, check_remeshing, remeshed};
+use super::remeshing::{check_remeshing, remeshed};
 use super::stage::{
     StagePipeline, check_stages, set_rates, settings, stages, views_of, views_per_step,
     views_to_learn_from,
@@ -50,6 +50,15 @@ pub struct SceneFit {
     changed: Vec<String>,
     /// Which starts of poses were taken, in words.
     starts: Vec<String>,
+}
+
+/// What a fit goes on with whose meshes got other vertices.
+struct Remade {
+    renderer: Arc<Renderer>,
+    learnt: Learnt,
+    parameters: Parameters<f32>,
+    /// As they are saved.
+    surfaces: Vec<u8>,
 }
 
 impl SceneFit {
@@ -339,6 +348,8 @@ impl SceneFit {
             views_of(&self.renderer, &self.targets, &self.learnt_from, next, seed)
                 .among(Arc::clone(&self.ranks));
         self.pipeline.rules.begin_stage();
+        // What follows may fail, and the fit is saved then.
+        self.fit.keep_state(&self.pipeline);
         Ok(())
     }
 
@@ -348,9 +359,20 @@ impl SceneFit {
     /// As [`remeshed`]. The fit is then as it was.
     fn remesh_if_due(&mut self) -> Result<(), SceneError> {
         let Some(to) = self.remesh_due() else { return Ok(()) };
-        let parameters = self.fit.parameters();
-        let (scene, carried) = remeshed(self.scene(), &to, |name| parameters.value(name).ok())?;
-        self.put_scene(scene, &carried)
+        let made = self.remade(&to);
+        // A rank may lack memory: then none goes on.
+        let Remade { renderer, learnt, parameters, surfaces } = agreed(&*self.ranks, made)?;
+        let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
+        *self.fit.parameters_mut() = parameters;
+        (self.rates, self.renderer) = (learnt.rates, renderer);
+        self.pipeline.views =
+            views_of(&self.renderer, &self.targets, &self.learnt_from, stage, seed)
+                .among(Arc::clone(&self.ranks));
+        self.pipeline.regularizers = learnt.regularizers.into();
+        self.pipeline.surfaces = surfaces.into();
+        self.pipeline.remeshed = Some(self.steps_done());
+        self.fit.keep_state(&self.pipeline);
+        Ok(())
     }
 
     /// How meshes are remeshed before the next step, if they are.
@@ -363,34 +385,23 @@ impl SceneFit {
         (is_turn && self.pipeline.remeshed != Some(self.steps_done())).then(|| to.clone())
     }
 
-    /// Goes on with a scene whose meshes have other vertices; `carried` has what was learnt over to them.
-    ///
-    /// # Errors
-    /// What the new meshes are refused for. The fit is then as it was.
-    fn put_scene(&mut self, scene: Scene, carried: &Carried) -> Result<(), SceneError> {
+    /// What a fit goes on with whose meshes got other vertices.
+    fn remade(&self, to: &Remesh) -> Result<Remade, SceneError> {
+        let before = self.fit.parameters();
+        let (scene, carried) = remeshed(self.scene(), to, |name| before.value(name).ok())?;
         let learnt = Learnt::from_scene(&scene)?;
         let surfaces = surfaces_to_bytes(&Surface::all(&scene)?);
         let frame = self.renderer.frame().clone();
         let renderer = Arc::new(Renderer::with_frame(Arc::new(scene), frame)?);
-        let mut parameters = self.fit.parameters().clone();
+        let mut parameters = before.clone();
         for parameter in learnt.parameters.iter() {
-            if let Some(derived) = carried.get(parameter.name()) {
-                let carry = |old: &_| derived.carry(old).map_err(FitError::operation);
+            if let Some(carry) = carried.get(parameter.name()) {
+                let carry = |old: &_| carry.carried(old).map_err(FitError::operation);
                 parameters.replace(parameter, carry)?;
             }
         }
-        let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
-        set_rates(&mut parameters, &learnt.rates, stage)?;
-        *self.fit.parameters_mut() = parameters;
-        (self.rates, self.renderer) = (learnt.rates, renderer);
-        self.pipeline.views =
-            views_of(&self.renderer, &self.targets, &self.learnt_from, stage, seed)
-                .among(Arc::clone(&self.ranks));
-        self.pipeline.regularizers = learnt.regularizers.into();
-        self.pipeline.surfaces = surfaces.into();
-        self.pipeline.remeshed = Some(self.steps_done());
-        self.fit.keep_state(&self.pipeline);
-        Ok(())
+        set_rates(&mut parameters, &learnt.rates, &self.stages[self.stage])?;
+        Ok(Remade { renderer, learnt, parameters, surfaces })
     }
 
     /// Saves the fit to the file `path`, whole or not at all.

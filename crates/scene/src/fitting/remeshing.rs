@@ -4,10 +4,11 @@
 //! scene stay those of its start, so that learnt motions mean the same.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
-use bokashi_mesh::{DerivedMesh, RemeshOptions, remesh, surface_area};
+use bokashi_mesh::{DerivedMesh, MeshError, RemeshOptions, remesh, surface_area};
 use bokashi_render_ops::Mesh;
 
 use crate::description::{Remesh, Stage};
@@ -19,7 +20,32 @@ use crate::saved_fit::Surface;
 use crate::scene::Scene;
 
 /// New vertices of objects, by the names of their parameters.
-pub(super) type Carried = HashMap<String, DerivedMesh<f32>>;
+pub(super) type Carried = HashMap<String, Carry>;
+
+/// What carries numbers over to the new vertices of an object.
+pub(super) struct Carry {
+    derived: Arc<DerivedMesh<f32>>,
+    /// Where the numbers are not at vertices: the row that each vertex has.
+    rows: Option<Vec<u32>>,
+}
+
+impl Carry {
+    /// The numbers at the new vertices, `[W, C]`.
+    ///
+    /// # Errors
+    /// [`MeshError`] for another number of rows than there were.
+    pub(super) fn carried(&self, old: &Tensor<f32>) -> Result<Tensor<f32>, MeshError> {
+        let Some(rows) = &self.rows else { return self.derived.carry(old) };
+        let columns = old.shape()[1];
+        let at_vertices = Tensor::from_fn([rows.len(), columns], |[vertex, column]| {
+            old[[rows[vertex] as usize, column]]
+        });
+        self.derived.carry(&at_vertices)
+    }
+}
+
+/// How many times more faces than equal edges make there are at most: edges are split down to two thirds of their length.
+const MOST_SPLIT: f64 = 4.0;
 
 /// The objects whose vertices are learnt: their indices and names.
 fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
@@ -48,8 +74,12 @@ pub(super) fn check_remeshing(scene: &Scene, stages: &[Stage]) -> Result<(), Sce
     }
     for (index, name) in objects {
         if let Some(reason) = scene.objects[index].fixed() {
-            let rule = "a mesh that is remeshed has one material, no textures, and colours at vertices if any";
+            let rule = "a mesh that is remeshed has one material, no textures, and one colour at a vertex if any";
             return wrong(format!("{rule}, and {name:?} {reason}"));
+        }
+        let object = &scene.objects[index];
+        for remesh in stages.iter().filter_map(|stage| stage.remesh.as_ref()) {
+            check_count(scene, object, remesh.length.0 * object.radius())?;
         }
     }
     Ok(())
@@ -71,36 +101,39 @@ pub(super) fn remeshed(
         let of = |row: &Learnable| value(&row.parameter_name(&name));
         let mut object = scene.objects[index].clone();
         object.positions = of(&VERTICES).unwrap_or(object.positions);
-        let colors = of(&COLORS).or(object.colors.take().map(|colors| colors.rows));
         let length = to.length.0 * object.radius();
-        check_count(&scene, &object, length)?;
-        let options = RemeshOptions::uniform(length);
-        let derived = remesh(&object.positions, &object.mesh, &options)?;
-        let colors = colors.map(|colors| derived.carry(&colors)).transpose()?;
+        let most_faces = check_count(&scene, &object, length)?;
+        let mut options = RemeshOptions::uniform(length);
+        options.most_faces = most_faces;
+        let derived = Arc::new(remesh(&object.positions, &object.mesh, &options)?);
+        let of_colors = Carry { derived: Arc::clone(&derived), rows: object.colors_of_vertices() };
+        let colors = of(&COLORS).or(object.colors.take().map(|colors| colors.rows));
+        let colors = colors.map(|colors| of_colors.carried(&colors)).transpose()?;
         object.set_surface(derived.mesh.clone(), derived.positions.clone(), colors);
         scene.objects[index] = object;
-        all.insert(COLORS.parameter_name(&name), derived.clone());
-        all.insert(VERTICES.parameter_name(&name), derived);
+        all.insert(COLORS.parameter_name(&name), of_colors);
+        all.insert(VERTICES.parameter_name(&name), Carry { derived, rows: None });
     }
     Ok((scene, all))
 }
 
-/// Checks that there is memory for faces of such edges.
-fn check_count(scene: &Scene, object: &Object, length: f64) -> Result<(), SceneError> {
+/// Checks that there is memory for faces of such edges, and returns how many there may be at most.
+fn check_count(scene: &Scene, object: &Object, length: f64) -> Result<usize, SceneError> {
     let area = surface_area(&object.positions, &object.mesh)?;
     // A face of equal edges.
     let count = area / (0.25 * 3.0_f64.sqrt() * length * length);
     let what = || format!("{:?} of {count:.0} faces", object.name);
     let bytes = (count * OF_FACE as f64) as u64;
-    scene.folder.memory().check(bytes, &Location::new(&scene.path), what)
+    scene.folder.memory().check(bytes, &Location::new(&scene.path), what)?;
+    Ok(((MOST_SPLIT * count) as usize).saturating_add(object.mesh.faces().len()))
 }
 
 impl Surface {
     /// The surfaces of all objects whose vertices are learnt.
     pub(super) fn all(scene: &Scene) -> Result<Vec<Self>, SceneError> {
         let rows = |tensor: &Tensor<f32>| tensor.data().as_chunks::<3>().0.to_vec();
-        let surface = |(object, _)| {
-            let Object { mesh, positions, colors, .. } = &scene.objects[object];
+        let surface = |(index, object)| {
+            let Object { mesh, positions, colors, .. }: &Object = &scene.objects[index];
             let colors = colors.as_ref().map_or(Vec::new(), |colors| rows(&colors.rows));
             Self { object, faces: mesh.faces().to_vec(), positions: rows(positions), colors }
         };
@@ -115,11 +148,15 @@ impl Surface {
         let Self { object, faces, positions, colors } = self;
         let count = positions.len();
         let wrong = |rule: &str, value: String| FitError::saved(rule.to_owned(), value);
-        let number = *object + 1;
-        let Some(object) = scene.objects.get_mut(*object) else {
-            let rule = format!("surfaces of the scene's {} objects", scene.objects.len());
-            return Err(wrong(&rule, format!("that of number {number}")).into());
+        let Some(object) = scene.objects.iter_mut().find(|own| own.name == *object) else {
+            return Err(
+                wrong("surfaces of the scene's meshes", format!("that of {object:?}")).into()
+            );
         };
+        if let Some(reason) = object.fixed() {
+            let rule = format!("the mesh {:?} as it was, which can be remeshed", object.name);
+            return Err(wrong(&rule, format!("one that {reason}")).into());
+        }
         if !colors.is_empty() && colors.len() != count {
             let rule = format!("a colour for each of {count} vertices");
             return Err(wrong(&rule, colors.len().to_string()).into());

@@ -27,7 +27,7 @@ use super::stage::loss_of_view;
 use crate::error::SceneError;
 use crate::learnables::{POSE, Values};
 use crate::renderer::Renderer;
-use crate::targets::Targets;
+use crate::targets::{Targets, fit_error};
 
 /// How starts are tried, the best of those before.
 struct Level {
@@ -141,15 +141,26 @@ impl<'a> Search<'a> {
     ) -> Result<Vec<Candidate>, SceneError> {
         let (rank, size) = (self.ranks.rank(), self.ranks.size());
         let own = &candidates[block(candidates.len(), rank, size)];
+        // One after another, before threads ask for all of them at once.
+        let read = self.views.iter().try_for_each(|&view| {
+            self.targets.get(view, self.reduce(level, view)).map(drop).map_err(fit_error)
+        });
         let mut results: Vec<_> = own.iter().map(|_| None).collect();
         parallel::write_each(&mut results, 1, |k| {
             Some(parallel::alone(|| self.refined(level, &own[k], poses)))
         });
         let tried: Result<Vec<_>, FitError> = results.into_iter().flatten().collect();
+        let tried = read.and(tried);
         let bytes =
             tried.map(|all| all.iter().flat_map(|candidate| candidate.to_bytes()).collect());
         let all = agree(&**self.ranks, bytes)?;
         Ok(all.iter().flat_map(|bytes| bytes.as_chunks().0).map(Candidate::from_bytes).collect())
+    }
+
+    /// How many times smaller the image of a view is at a level.
+    fn reduce(&self, level: &Level, view: usize) -> usize {
+        let size = self.renderer.scene().views[view].camera.size;
+        size.width.min(size.height).div_ceil(level.side)
     }
 
     /// A candidate after a level's steps: where its loss was least.
@@ -170,8 +181,7 @@ impl<'a> Search<'a> {
         }
         let mut pipeline = views(self.views.len(), |view: View, tape, variables| {
             let (values, view) = (Values { tape, learnt: Some(variables) }, self.views[view.index]);
-            let size = self.renderer.scene().views[view].camera.size;
-            let reduce = size.width.min(size.height).div_ceil(level.side);
+            let reduce = self.reduce(level, view);
             loss_of_view(self.renderer, self.targets, &values, view, reduce)
         });
         let settings = FitSettings {
@@ -184,13 +194,27 @@ impl<'a> Search<'a> {
         let mut best = Candidate { loss: f64::INFINITY, ..*candidate };
         for _ in 0..level.steps {
             let before = fit.parameters().value(&poses[index].name)?;
-            let loss = fit.step(&mut pipeline)?.loss;
+            let loss = match fit.step(&mut pipeline) {
+                Ok(stepped) => stepped.loss,
+                // It has left the range of the numbers, and others may be better.
+                Err(error) if is_not_finite(&error) => break,
+                Err(error) => return Err(error),
+            };
             if loss < best.loss {
                 best.loss = loss;
                 best.motion = std::array::from_fn(|k| before.data()[k]);
             }
         }
         Ok(best)
+    }
+}
+
+/// Whether a step ended in a number that is not finite.
+fn is_not_finite(error: &FitError) -> bool {
+    match error {
+        FitError::NotFinite { .. } => true,
+        FitError::View { error, .. } => is_not_finite(error),
+        _ => false,
     }
 }
 

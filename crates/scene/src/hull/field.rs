@@ -10,25 +10,27 @@ use glam::DVec3;
 const SIDE: usize = 8;
 /// Points that are worth a thread.
 const POINTS_PER_PIECE: usize = 1 << 15;
-/// How many times faster than the distance in the world the field may change: perspective makes near things large.
-const STEEPNESS: f64 = 2.0;
-
 /// The largest of a point's distances from silhouettes, without so many of the largest ones. Where it is below 0, the
-/// point is inside for all other views. Where fewer than half of all `views` say anything, it is `outside`.
-pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: usize, outside: f64) -> f64 {
+/// point is inside for all other views. `None` where fewer than half of all `views` say anything.
+pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: usize) -> Option<f64> {
     if 2 * distances.len() < views || distances.len() <= left_out {
-        return outside;
+        return None;
     }
     let taken = distances.len() - 1 - left_out;
-    *distances.select_nth_unstable_by(taken, f64::total_cmp).1
+    Some(*distances.select_nth_unstable_by(taken, f64::total_cmp).1)
 }
 
-/// The `field` at all points of the grid. Blocks of points that lie far from its surface have the number of the block's
-/// middle: its sign is that of the field there.
-pub(super) fn sampled(grid: &Grid, field: impl Fn(DVec3) -> f64 + Sync) -> Vec<f32> {
+/// The `field` at all points of the grid; where it says nothing, a point is outside. Blocks of points that lie far from
+/// its surface have the number of the block's middle: its sign is that of the field there. The field changes at most
+/// `steepness` times as fast as the place.
+pub(super) fn sampled(
+    grid: &Grid,
+    steepness: f64,
+    field: impl Fn(DVec3) -> Option<f64> + Sync,
+) -> Vec<f32> {
     let shape = grid.shape();
     let blocks = shape.map(|points| points.div_ceil(SIDE));
-    let reach = STEEPNESS * 0.5 * 3.0_f64.sqrt() * SIDE as f64 * grid.spacing();
+    let reach = steepness * 0.5 * 3.0_f64.sqrt() * SIDE as f64 * grid.spacing();
     let mut values = vec![Vec::new(); blocks.iter().product()];
     let range = |block: usize, axis: usize| {
         let place =
@@ -43,14 +45,14 @@ pub(super) fn sampled(grid: &Grid, field: impl Fn(DVec3) -> f64 + Sync) -> Vec<f
         let [x, y, z] = [0, 1, 2].map(|axis| range(block, axis));
         let ends = [RangeInclusive::start, RangeInclusive::end];
         let [low, high] = ends.map(|end| position([&x, &y, &z].map(|range| *end(range))));
-        let middle = field(0.5 * (low + high));
-        if middle.abs() > reach {
+        if let Some(middle) = field(0.5 * (low + high)).filter(|middle| middle.abs() > reach) {
             values.push(middle as f32);
             return;
         }
+        let value = |place| field(position(place)).unwrap_or(grid.spacing()) as f32;
         for i in x {
             for j in y.clone() {
-                values.extend(z.clone().map(|k| field(position([i, j, k])) as f32));
+                values.extend(z.clone().map(|k| value([i, j, k])));
             }
         }
     });
@@ -108,7 +110,7 @@ mod tests {
         {
             let grid = Grid::new(shape, [-0.5; 3], 0.04).unwrap();
             let field = ball(DVec3::new(0.1, -0.2, 0.3), radius);
-            let values = sampled(&grid, &field);
+            let values = sampled(&grid, 1.0, |point| Some(field(point)));
             assert_eq!(values.len(), grid.point_count());
             for (point, value) in values.into_iter().enumerate() {
                 let expected = field(DVec3::from(grid.position(point))) as f32;
@@ -145,14 +147,14 @@ mod tests {
             let largest = distances.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let mut all = [distances.clone(), lies.clone()].concat();
             let views = all.len();
-            let found = agreed(&mut all, views, lies.len(), 5.0);
+            let found = agreed(&mut all, views, lies.len()).unwrap();
             // Views that lie put places inside, never outside.
             prop_assert!(found <= largest);
             prop_assert!(lies.iter().any(|lie| *lie < largest) || found == largest);
             let mut said = distances.clone();
-            prop_assert_eq!(agreed(&mut said, 2 * distances.len(), 0, 5.0), largest);
-            prop_assert_eq!(agreed(&mut said, 2 * distances.len() + 1, 0, 5.0), 5.0);
-            prop_assert_eq!(agreed(&mut said, 1, distances.len(), 5.0), 5.0);
+            prop_assert_eq!(agreed(&mut said, 2 * distances.len(), 0), Some(largest));
+            prop_assert_eq!(agreed(&mut said, 2 * distances.len() + 1, 0), None);
+            prop_assert_eq!(agreed(&mut said, 1, distances.len()), None);
         }
     }
 }

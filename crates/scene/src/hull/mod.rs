@@ -27,14 +27,14 @@ use smallvec::SmallVec;
 
 use self::field::{agreed, sampled, smoothed};
 use self::silhouette::Silhouette;
-use crate::error::SceneError;
+use crate::error::{Location, SceneError};
 use crate::folder::Folder;
-use crate::gaze::gaze;
+use crate::gaze::gaze_of_most;
 use crate::model::{Geometry, NO_ROW, Submesh, far_offset};
 use crate::picture::reduced;
 use crate::scene_view::SceneView;
 
-/// How much farther than the ball that all views see whole a hull is looked for.
+/// How much farther than the ball that half of the views see whole a hull is looked for.
 const FARTHER: f64 = 1.5;
 /// Cells along the longest side: where a hull is looked for, where its images are compared with the masks, and at last.
 const CELLS: [usize; 3] = [40, 64, 128];
@@ -49,6 +49,9 @@ const SMOOTHINGS: usize = 2;
 const NEAR: f64 = 2.0;
 /// Masks are made smaller where they are longer, in pixels: a cell is as large as several of these.
 const LONGEST: usize = 640;
+
+/// Bytes of the distances of a mask.
+const OF_SILHOUETTE: u64 = 4 * (LONGEST * LONGEST) as u64;
 
 /// The least share of views that agree, where a scene does not say.
 pub(crate) const AGREEMENT: f64 = 0.8;
@@ -67,6 +70,9 @@ pub(crate) fn hull_of_views(
     agreement: f64,
 ) -> Result<Result<Geometry, String>, SceneError> {
     let views: Vec<_> = views.iter().filter(|view| !view.held_out).collect();
+    let what = || format!("the masks of {} views", views.len());
+    let bytes = views.len() as u64 * OF_SILHOUETTE;
+    folder.memory().check(bytes, &Location::new(folder.path()), what)?;
     let mut read: Vec<_> = views.iter().map(|_| None).collect();
     for_each_item_mut(&mut read, |k, read| *read = Some(silhouette_of(folder, views[k])));
     let read: Result<Vec<_>, _> = read.into_iter().flatten().collect();
@@ -79,7 +85,7 @@ pub(crate) fn hull_of_views(
         )));
     }
     let cameras: Vec<_> = silhouettes.iter().map(Silhouette::camera).collect();
-    let Some((middle, radius)) = gaze(&cameras) else {
+    let Some((middle, radius)) = gaze_of_most(&cameras, agreement) else {
         let rule = "a hull needs cameras that look at one place from several sides";
         return Ok(Err(format!("{rule}, and those of {} views with masks do not", cameras.len())));
     };
@@ -156,7 +162,7 @@ fn geometry(positions: &Tensor<f32>, mesh: &Mesh, middle: DVec3) -> Geometry {
 /// What silhouettes allow.
 struct Hull {
     silhouettes: Vec<Silhouette>,
-    /// The middle and the radius of the ball that all views see whole.
+    /// The middle and the radius of the ball that half of the views see whole.
     middle: DVec3,
     radius: f64,
 }
@@ -201,7 +207,7 @@ impl Hull {
         for _ in 0..2 {
             let grid = around(extent, CELLS[0])?;
             let values = self.values(&grid, extent, left_out);
-            let near = NEAR * grid.spacing();
+            let near = NEAR.max(self.steepness(extent)).min(4.0 * NEAR) * grid.spacing();
             let points = (0..).zip(&values).filter(|&(_, &value)| f64::from(value) < near);
             let places = points.map(|(point, _)| DVec3::from(grid.position(point)));
             let Some([low, high]) =
@@ -231,13 +237,25 @@ impl Hull {
     fn values(&self, grid: &Grid, [low, high]: Extent, left_out: usize) -> Vec<f32> {
         let distances: Vec<_> =
             self.silhouettes.iter().map(|silhouette| silhouette.distances(self.middle)).collect();
-        sampled(grid, |place| {
+        sampled(grid, self.steepness([low, high]), |place| {
             let beyond = (low - place).max(place - high).max_element();
             let point = self.middle + place;
             let mut said: SmallVec<[f64; 64]> =
                 distances.iter().filter_map(|distance| distance(point)).collect();
-            agreed(&mut said, distances.len(), left_out, self.radius).max(beyond)
+            Some(agreed(&mut said, distances.len(), left_out)?.max(beyond))
         })
+    }
+
+    /// How many times faster than the distance in the world the field may change inside a box: distances of images
+    /// do where something is nearer than the middle.
+    fn steepness(&self, [low, high]: Extent) -> f64 {
+        let reach = low.abs().max(high.abs()).length();
+        let steepness = self.silhouettes.iter().map(|silhouette| {
+            let eye = silhouette.camera().opencv_pose().w_axis.truncate();
+            let distance = eye.distance(self.middle);
+            if distance > reach { distance / (distance - reach) } else { f64::INFINITY }
+        });
+        steepness.fold(1.0, f64::max)
     }
 }
 

@@ -5,10 +5,11 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use bokashi_core::parallel;
+use bokashi_core::{Tensor, parallel};
 use bokashi_fit::on_ranks;
 use bokashi_mesh::{Connectivity, self_intersections, signed_volume};
-use bokashi_scene::{Location, Object, Picture, Samples, Scene, SceneFit};
+use bokashi_render_ops::Mesh;
+use bokashi_scene::{Attribute, Location, Object, Picture, Samples, Scene, SceneFit};
 use glam::DVec3;
 
 use crate::fits::views;
@@ -83,6 +84,15 @@ fn a_wrong_mask_does_not_carve_a_hull_away() {
     let wrong =
         wrong.replace("image = \"images/7.png\"", "image = \"images/7.png\"\nmask = \"full.png\"");
     let found = volume(&load(folder.path(), &(HULL.to_owned() + &wrong)));
+    assert!((0.9..1.3).contains(&(found / truth)), "{found} for {truth}");
+    // A camera that looks elsewhere says nothing of the object, and one that is close sees a part of it.
+    let aside = |text: &str, image: &str, rest: &str| {
+        let view = text.find(image).unwrap();
+        let end = view + text[view..].find(", angle").unwrap();
+        format!("{}{rest}{}", &text[..end], &text[end..])
+    };
+    let away = aside(&text, "images/5.png", ", target = [100, 100, 100]");
+    let found = volume(&load(folder.path(), &(HULL.to_owned() + &away)));
     assert!((0.9..1.3).contains(&(found / truth)), "{found} for {truth}");
     // Who asks that all agree is told that they do not.
     let all = HULL.replace("faces = 1500", "agreement = 1");
@@ -217,8 +227,32 @@ fn meshes_that_cannot_change_are_refused() {
         &(stage.to_owned() + &sphere.replace("texture_size = 8", "vertex_colors = true") + &text),
     );
     assert!(SceneFit::new(scene).unwrap().step().unwrap().is_some());
-    let short = format!("{hull}[learn.vertices]\n");
-    let scene = load(folder.path(), &(stage.replace("0.1", "1e-9") + &short + &text));
-    let error = SceneFit::new(scene).unwrap().step().unwrap_err().to_string();
-    assert!(error.contains("needs"), "{error}");
+    // So short that no memory holds the faces.
+    let short = stage.replace("0.1", "1e-9") + &format!("{hull}[learn.vertices]\n");
+    let error = SceneFit::new(load(folder.path(), &(short + &text))).err().unwrap().to_string();
+    assert!(error.contains("of memory"), "{error}");
+    // Colours are at vertices, in whatever order a file has them.
+    let colored = format!(
+        "{stage}{hull}material = {{ vertex_colors = true }}\n[learn.vertices]\n[learn.colors]\n"
+    );
+    let mut scene = load(folder.path(), &(colored + &text));
+    let object = &mut scene.objects[0];
+    let faces = object.mesh.faces().iter().map(|face| face.map(|vertex| vertex % 2)).collect();
+    let rows = Tensor::from([[0.2_f32, 0.4, 0.6], [0.8, 0.6, 0.4]]);
+    object.colors = Some(Attribute { rows, indices: Mesh::new(faces, 2).unwrap() });
+    let mut split = scene.clone();
+    let mut fit = SceneFit::new(scene).unwrap();
+    fit.step().unwrap();
+    let [object] = fit.scene().objects.as_slice() else { unreachable!("there is one") };
+    let colors = object.colors.as_ref().unwrap();
+    assert_eq!(colors.indices.faces(), object.mesh.faces());
+    assert!(colors.rows.data().iter().all(|share| (0.2..=0.8).contains(share)));
+    assert!(colors.rows.data().chunks(3).any(|row| (row[0] - 0.5).abs() < 0.25));
+    // A vertex of two colours has an edge between them.
+    let colors = split.objects[0].colors.as_mut().unwrap();
+    let mut faces = colors.indices.faces().to_vec();
+    faces[0] = faces[0].map(|row| 1 - row);
+    colors.indices = Mesh::new(faces, 2).unwrap();
+    let error = SceneFit::new(split).err().unwrap().to_string();
+    assert!(error.contains("several colours"), "{error}");
 }
