@@ -230,5 +230,11 @@ fn inspect_stage(k: usize, stage: &Stage) -> Section {
     if let Some(rates) = stage.rates {
         section.fact("rates", format!("times {}", number(rates.0)), rates.0);
     }
+    if let Some(remesh) = &stage.remesh {
+        let length = remesh.length.0;
+        let every =
+            remesh.every.map_or(String::new(), |every| format!(", every {} steps", every.0));
+        section.fact("new faces", format!("edges of {}{every}", number(length)), length);
+    }
     section
 }
