@@ -151,8 +151,9 @@ fn end(mut fit: SceneFit) -> Vec<u32> {
 fn a_fit_whose_mesh_changes_has_the_same_bits_however_it_is_interrupted_or_shared() {
     let folder = tempfile::tempdir().unwrap();
     let text = photographs(folder.path(), 8, 9, 32);
-    let load = || load(folder.path(), &(FIT.to_owned() + &text));
-    let mut fit = SceneFit::new(load()).unwrap();
+    // Written once: ranks read it at the same time.
+    let mut fit = SceneFit::new(load(folder.path(), &(FIT.to_owned() + &text))).unwrap();
+    let load = || Scene::load(folder.path().join("scene.toml")).unwrap();
     let saved = folder.path().join("saved");
     let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
     let mut counts = Vec::new();
