@@ -228,7 +228,7 @@ fn starts_need_an_image_and_a_number_that_is_not_huge() {
 fn most_of_a_hundred_random_rotations_are_found() {
     let turned = Turned::new(64, 12);
     for (starts, count) in [("starts = 64\n", 100), ("", 20)] {
-        let rest = format!("[learn.pose]\n{starts}[stop]\nsteps = 40\n");
+        let rest = format!("[learn.pose]\n{starts}[stop]\nsteps = 80\n");
         let mut found = Vec::new();
         let (mut seconds, mut search) = (0.0, 0.0);
         for (k, rotation) in random(count).into_iter().enumerate() {
