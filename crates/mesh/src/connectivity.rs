@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
 
-    fn of(faces: &[[u32; 3]], count: usize) -> Connectivity {
+    fn connectivity(faces: &[[u32; 3]], count: usize) -> Connectivity {
         Connectivity::new(&Mesh::new(faces.to_vec(), count).unwrap())
     }
 
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_bow_tie_is_two_parts_and_two_loops() {
-        let bow_tie = of(&[[0, 1, 2], [0, 3, 4]], 5);
+        let bow_tie = connectivity(&[[0, 1, 2], [0, 3, 4]], 5);
         assert_eq!((bow_tie.parts(), bow_tie.boundary_loops, bow_tie.pinched_vertices), (2, 2, 1));
         assert!(!bow_tie.is_manifold());
         assert_eq!([bow_tie.part_of(0), bow_tie.part_of(1)], [Some(0), Some(1)]);
@@ -221,23 +221,23 @@ mod tests {
 
     #[test]
     fn three_faces_at_an_edge_hang_together() {
-        let crowded = of(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]], 5);
+        let crowded = connectivity(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]], 5);
         assert_eq!((crowded.parts(), crowded.crowded_edges, crowded.boundary_edges), (1, 1, 6));
         assert_eq!((crowded.vertices, crowded.edges, crowded.faces), (5, 7, 3));
     }
 
     #[test]
     fn turned_faces_and_degenerate_ones_are_told() {
-        assert!(!of(&[[0, 1, 2], [0, 1, 3]], 4).is_oriented);
-        let degenerate = of(&[[3, 3, 3], [0, 1, 2], [0, 0, 1]], 5);
+        assert!(!connectivity(&[[0, 1, 2], [0, 1, 3]], 4).is_oriented);
+        let degenerate = connectivity(&[[3, 3, 3], [0, 1, 2], [0, 0, 1]], 5);
         assert_eq!((degenerate.faces, degenerate.vertices, degenerate.parts()), (1, 3, 1));
         assert_eq!([0, 1, 2].map(|face| degenerate.part_of(face)), [None, Some(0), None]);
-        let empty = of(&[], 4);
+        let empty = connectivity(&[], 4);
         assert_eq!((empty.euler_characteristic(), empty.parts(), empty.boundary_loops), (0, 0, 0));
         assert!(empty.is_closed() && empty.is_manifold());
         // A strip with half a turn has one boundary.
         let strip = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4], [4, 5, 1], [5, 0, 1]];
-        let moebius = of(&strip, 6);
+        let moebius = connectivity(&strip, 6);
         assert_eq!((moebius.euler_characteristic(), moebius.boundary_loops), (0, 1));
         assert!(!moebius.is_oriented && moebius.is_manifold());
     }

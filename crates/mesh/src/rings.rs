@@ -53,8 +53,8 @@ impl Rings {
         Self { starts, neighbors, is_rim: sharp.iter().map(|sharp| *sharp == 2).collect() }
     }
 
-    /// In increasing order.
-    pub(crate) fn of(&self, vertex: usize) -> &[u32] {
+    /// Those of a vertex, in increasing order.
+    pub(crate) fn neighbors(&self, vertex: usize) -> &[u32] {
         &self.neighbors[self.starts[vertex]..self.starts[vertex + 1]]
     }
 

@@ -67,7 +67,7 @@ pub fn smooth<T: Scalar>(
     for share in (0..iterations).flat_map(|_| shares.iter().copied()) {
         moved.clear();
         moved.extend(points.iter().enumerate().map(|(vertex, &point)| {
-            let neighbors = rings.of(vertex);
+            let neighbors = rings.neighbors(vertex);
             if neighbors.is_empty() {
                 return point;
             }

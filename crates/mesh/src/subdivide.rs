@@ -126,7 +126,7 @@ fn loop_weights(mesh: &Mesh, sides: &[Side]) -> Triplets {
     let rings = Rings::new(mesh, sides);
     let mut triplets = Vec::new();
     for vertex in 0..mesh.vertex_count() {
-        let (row, neighbors) = (vertex as u32, rings.of(vertex));
+        let (row, neighbors) = (vertex as u32, rings.neighbors(vertex));
         let n = neighbors.len() as f64;
         let share = if neighbors.is_empty() {
             0.0

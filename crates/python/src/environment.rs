@@ -26,7 +26,7 @@ pub struct Prefilter {
 }
 
 impl Prefilter {
-    fn of<T: Number>(&self) -> ops::Prefilter<T> {
+    fn cast<T: Number>(&self) -> ops::Prefilter<T> {
         self.casts.get(|| self.double.cast())
     }
 }
@@ -55,7 +55,7 @@ pub fn prefiltered<'py>(
     let inputs = [Some(&texels)];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let texels = x[0].expect("they are required");
-        let environment = ops::Environment::from_texels(texels, &prefilter.of::<T>())?;
+        let environment = ops::Environment::from_texels(texels, &prefilter.cast::<T>())?;
         let mut outputs: OutputVars<'_, T> = smallvec![environment.harmonics];
         outputs.extend(environment.reflections.levels().iter().skip(1).copied());
         Ok(outputs)

@@ -14,7 +14,7 @@ use crate::step::Given;
 pub type Arrays<'a, 'py> = [Option<&'a Array<'py>>; 3];
 
 /// The fragments of the arrays from input `first` on.
-pub fn of_arrays<'t, T: Scalar>(
+pub fn from_arrays<'t, T: Scalar>(
     given: &Given<'t, T>,
     first: usize,
     coverage: &Arc<ops::Coverage>,
@@ -56,7 +56,7 @@ pub fn finish<'t, T: Scalar>(
 
 /// Fragments of which only the pixels are asked: their barycentrics, and where nobody has them their clip positions,
 /// are zeros.
-pub fn of_pixels<'t, T: Scalar>(
+pub fn from_pixels<'t, T: Scalar>(
     tape: &'t Tape<T>,
     coverage: &Arc<ops::Coverage>,
     clip: Option<Var<'t, T>>,

@@ -255,7 +255,7 @@ macro_rules! of_positions {
 }
 
 of_positions! {
-    laplacian_error(laplacian: &Sparse) => |x, matrix: &Sparse| fit::laplacian_error(x, &matrix.of());
+    laplacian_error(laplacian: &Sparse) => |x, matrix: &Sparse| fit::laplacian_error(x, &matrix.cast());
     edge_length_error(topology: &Topology, target: f64) =>
         |x, topology: &Topology, target| fit::edge_length_error(x, &topology.0, target);
     normal_error(topology: &Topology) => |x, topology: &Topology| fit::normal_error(x, &topology.0);

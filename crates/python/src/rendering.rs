@@ -55,7 +55,7 @@ pub fn rasterize<'py>(
     let (outputs, pull_back) = by_type!(&inputs, T => record::<T>(py, &inputs, |tape, x| {
         let clip = x[0].expect("it is required");
         let fragments = if let Some(Coverage(front)) = behind {
-            let front = fragments::of_pixels(tape, front, Some(clip), None);
+            let front = fragments::from_pixels(tape, front, Some(clip), None);
             ops::rasterize_behind(&front, options)?
         } else {
             let shown: Vec<_> = x[1..]
@@ -92,7 +92,7 @@ pub fn interpolate<'py>(
 ) -> Recorded<'py> {
     let inputs = [Some(&attributes), Some(&barycentrics), Some(&clip), weight.as_ref()];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments::of_arrays(x, 1, &coverage.0);
+        let fragments = fragments::from_arrays(x, 1, &coverage.0);
         let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
         let attributes = x[0].expect("they are required");
         Ok(smallvec![ops::interpolate_indexed(attributes, indices, &fragments)?])
@@ -120,7 +120,7 @@ pub fn interpolate_differentials<'py>(
         weight.as_ref(),
     ];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments::of_arrays(x, 2, &coverage.0);
+        let fragments = fragments::from_arrays(x, 2, &coverage.0);
         let indices = mesh.map_or(coverage.0.mesh(), |mesh| &mesh.0);
         let [Some(attributes), Some(differentials), ..] = x[..] else { unreachable!("they are required") };
         let values = ops::interpolate_differentials_indexed(attributes, indices, &fragments, differentials)?;
@@ -143,7 +143,7 @@ macro_rules! of_fragments {
             let inputs: Arrays<'_, 'py> = [Some(&barycentrics), Some(&clip), weight.as_ref()];
             by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
                 let call: for<'t> fn(&ops::Fragments<'t, T>) -> Result<Var<'t, T>, ops::RenderError> = $call;
-                Ok(smallvec![call(&fragments::of_arrays(x, 0, &coverage.0))?])
+                Ok(smallvec![call(&fragments::from_arrays(x, 0, &coverage.0))?])
             }))
         }
     )+};
@@ -180,7 +180,7 @@ pub fn picture<'py>(
         reference.as_ref(),
     ];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
-        let fragments = fragments::of_arrays(x, 2, &coverage.0);
+        let fragments = fragments::from_arrays(x, 2, &coverage.0);
         let values = x[0].expect("they are required");
         let composite = ops::composite(values, &fragments, fragments::background(x[1]))?;
         let picture = if antialias && x[4].is_none() { ops::antialias(composite)? } else { composite.into() };
@@ -200,7 +200,7 @@ pub fn antialias_image<'py>(
     let inputs = [Some(&image), Some(&barycentrics), Some(&clip), None];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let image = x[0].expect("it is required");
-        Ok(smallvec![ops::antialias_image(image, &fragments::of_arrays(x, 1, &coverage.0))?])
+        Ok(smallvec![ops::antialias_image(image, &fragments::from_arrays(x, 1, &coverage.0))?])
     }))
 }
 

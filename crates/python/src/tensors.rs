@@ -130,7 +130,7 @@ impl Sparse {
     }
 
     /// The matrix of a type of numbers.
-    pub fn of<T: Number>(&self) -> SparseMatrix<T> {
+    pub fn cast<T: Number>(&self) -> SparseMatrix<T> {
         self.casts.get(|| self.double.cast())
     }
 }
@@ -191,6 +191,6 @@ impl Sparse {
 pub fn sparse_product<'py>(py: Python<'py>, x: Array<'py>, matrix: &Sparse) -> Recorded<'py> {
     let inputs = [Some(&x)];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
-        Ok(smallvec![matrix.of::<T>().product(x[0].expect("it is required"))?])
+        Ok(smallvec![matrix.cast::<T>().product(x[0].expect("it is required"))?])
     }))
 }

@@ -90,7 +90,7 @@ macro_rules! sample {
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
             by_type!(&inputs, T => {
-                let still = still.map(Texture::of::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
+                let still = still.map(Texture::cast::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
                 record::<T>(py, &inputs, |tape, x| {
                     let inputs_of = SampleInputs::new(x);
                     let texture = match (&inputs_of.levels[..], still) {
@@ -254,7 +254,7 @@ pub struct Texture {
 impl Texture {
     /// # Errors
     /// `TypeError` for a texture of other numbers.
-    fn of<T: Number>(&self) -> PyResult<&Levels<T>> {
+    fn cast<T: Number>(&self) -> PyResult<&Levels<T>> {
         let cast = || of_levels!(self, levels => levels.cast());
         let is_dual = TypeId::of::<T>() == TypeId::of::<DualNumber>();
         let levels: &dyn Any = if is_dual { self.dual.get_or_init(cast) } else { &*self.plain };

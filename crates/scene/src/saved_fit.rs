@@ -42,17 +42,17 @@ mod rows {
 
     /// A number of four bytes.
     pub(super) trait Word: Copy {
-        fn bytes(self) -> [u8; 4];
-        fn of_bytes(bytes: [u8; 4]) -> Self;
+        fn to_bytes(self) -> [u8; 4];
+        fn from_bytes(bytes: [u8; 4]) -> Self;
     }
 
     macro_rules! words {
         ($($word:ty),*) => {$(
             impl Word for $word {
-                fn bytes(self) -> [u8; 4] {
+                fn to_bytes(self) -> [u8; 4] {
                     self.to_le_bytes()
                 }
-                fn of_bytes(bytes: [u8; 4]) -> Self {
+                fn from_bytes(bytes: [u8; 4]) -> Self {
                     Self::from_le_bytes(bytes)
                 }
             }
@@ -64,7 +64,7 @@ mod rows {
         rows: &[[W; 3]],
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
-        let bytes: Vec<_> = rows.as_flattened().iter().flat_map(|word| word.bytes()).collect();
+        let bytes: Vec<_> = rows.as_flattened().iter().flat_map(|word| word.to_bytes()).collect();
         serializer.serialize_str(&STANDARD.encode(bytes))
     }
 
@@ -77,7 +77,7 @@ mod rows {
             return Err(D::Error::custom("rows have three numbers"));
         };
         let word = |row: &[u8; 12], k: usize| {
-            W::of_bytes([row[4 * k], row[4 * k + 1], row[4 * k + 2], row[4 * k + 3]])
+            W::from_bytes([row[4 * k], row[4 * k + 1], row[4 * k + 2], row[4 * k + 3]])
         };
         Ok(rows.iter().map(|row| [0, 1, 2].map(|k| word(row, k))).collect())
     }

@@ -176,7 +176,7 @@ impl<'a> Changing<'a> {
     }
 
     /// The corner of a face after and before `vertex`.
-    pub(super) fn beside(&self, face: u32, vertex: u32) -> [u32; 2] {
+    pub(super) fn other_corners(&self, face: u32, vertex: u32) -> [u32; 2] {
         let face = self.faces[face as usize];
         let corner = usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex);
         [face[(corner + 1) % 3], face[(corner + 2) % 3]]

@@ -89,7 +89,7 @@ impl Changing<'_> {
         let neighbors = |vertex: u32| {
             let faces = self.around[vertex as usize].iter();
             let mut all: SmallVec<[u32; 24]> =
-                faces.flat_map(|face| self.beside(*face, vertex)).collect();
+                faces.flat_map(|face| self.other_corners(*face, vertex)).collect();
             all.sort_unstable();
             all.dedup();
             all
@@ -116,7 +116,7 @@ impl Changing<'_> {
         };
         let faces = self.around[vertex as usize].iter();
         let mut beyond = faces
-            .flat_map(|face| self.beside(*face, vertex))
+            .flat_map(|face| self.other_corners(*face, vertex))
             .filter(|it| *it != other && self.ends_at[*it as usize])
             .filter(|it| self.edge(vertex, *it).is_some_and(|it| it.is_boundary()));
         debug_assert!(edge.is_boundary());

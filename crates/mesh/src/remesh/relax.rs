@@ -33,7 +33,7 @@ impl Changing<'_> {
         let (from, target) = (self.points[index], self.targets[index]);
         let (mut sum, mut weights, mut normal) = (DVec3::ZERO, 0.0, DVec3::ZERO);
         for &face in &self.around[index] {
-            let neighbor = self.beside(face, vertex)[0] as usize;
+            let neighbor = self.other_corners(face, vertex)[0] as usize;
             let weight = target / (target + self.targets[neighbor]);
             sum += weight * self.points[neighbor];
             weights += weight;

@@ -528,4 +528,35 @@ mod tests {
             assert_eq!(found.into_iter().flat_map(|(_, views)| views).collect::<Vec<_>>(), all);
         }
     }
+
+    /// What follows in a step may fail, meshes that get other vertices among it, and whoever saves the fit then needs
+    /// all of it.
+    #[test]
+    fn a_fit_that_is_saved_as_a_stage_begins_goes_on_from_there() {
+        let directory = tempfile::tempdir().unwrap();
+        let folder = directory.path();
+        let samples = Samples::U8((0..12 * 12 * 3).map(|k| (k * 5 % 256) as u8).collect());
+        let picture = Picture { width: 12, height: 12, channels: 3, samples };
+        let file = folder.join("0.png");
+        fs::write(&file, picture.encode_png(&Location::new(&file)).unwrap()).unwrap();
+        let text = "[[views]]\nimage = \"0.png\"\ncamera = { position = [0, 0, 4], angle = 40 }\n\
+                    [[meshes]]\nshape = \"cube\"\n[learn.vertices]\n\
+                    [[stages]]\nsteps = 2\n[[stages]]\nsteps = 2\nremesh = { length = 0.9 }\n";
+        fs::write(folder.join("scene.toml"), text).unwrap();
+        let fit = || SceneFit::new(Scene::load(folder.join("scene.toml")).unwrap()).unwrap();
+        let bits = |mut fit: SceneFit| {
+            while fit.step().unwrap().is_some() {}
+            let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
+            raw.map(f32::to_bits).collect::<Vec<_>>()
+        };
+        let mut begun = fit();
+        for _ in 0..2 {
+            begun.step().unwrap();
+        }
+        begun.next_stage().unwrap();
+        let saved = folder.join("saved");
+        begun.save(&saved).unwrap();
+        let scene = Scene::load(folder.join("scene.toml")).unwrap();
+        assert_eq!(bits(SceneFit::resume(scene, &saved).unwrap()), bits(fit()));
+    }
 }

@@ -52,7 +52,7 @@ impl Silhouette {
     pub(super) fn distances(&self, middle: DVec3) -> impl Fn(DVec3) -> Option<f64> {
         let unit = self.unit(middle);
         let pixels = self.camera.pixels();
-        move |point| Some(unit * self.at(pixels(point)?)?)
+        move |point| Some(unit * self.distance_at(pixels(point)?)?)
     }
 
     /// Of the mask and the image of `points`, which stand `spacing` apart around `middle`: the share that both cover of
@@ -84,7 +84,7 @@ impl Silhouette {
     }
 
     /// The distance at a place of the image, between those of the four pixels around it.
-    fn at(&self, pixel: DVec2) -> Option<f64> {
+    fn distance_at(&self, pixel: DVec2) -> Option<f64> {
         let [width, height] = [self.camera.size.width, self.camera.size.height];
         let last = DVec2::new((width - 1) as f64, (height - 1) as f64);
         let inside = pixel.clamp(DVec2::ZERO, last);

@@ -106,6 +106,29 @@ fn a_wrong_mask_does_not_carve_a_hull_away() {
     );
 }
 
+/// Numbers of `f32` tell places a few centimetres apart there.
+#[test]
+fn a_hull_far_from_the_origin_is_the_hull_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = photographs(folder.path(), 16, 16, 48);
+    let offset = DVec3::new(500_000.0, 4_649_776.0, 100.0);
+    let far = |line: &str| {
+        let Some((head, rest)) = line.split_once("position = [") else { return line.to_owned() };
+        let (place, tail) = rest.split_once(']').unwrap();
+        let place: Vec<f64> = place.split(',').map(|x| x.trim().parse().unwrap()).collect();
+        let [place, target] = [offset + DVec3::from_slice(&place), offset].map(|p| p.to_array());
+        format!("{head}position = {place:?}, target = {target:?}{tail}")
+    };
+    let moved = text.lines().map(far).collect::<Vec<_>>().join("\n");
+    let scenes = [text, moved].map(|text| load(folder.path(), &(HULL.to_owned() + &text)));
+    let [near, far] = scenes.each_ref().map(|scene| &scene.objects[0]);
+    assert_eq!((near.offset, far.offset.distance(offset) < 2.0), (DVec3::ZERO, true));
+    let volume = |object: &Object| signed_volume(&object.positions, &object.mesh).unwrap();
+    assert!((volume(far) / volume(near) - 1.0).abs() < 1e-3, "{} {}", volume(far), volume(near));
+    let [middle, moved] = scenes.each_ref().map(|scene| scene.ball().0);
+    assert!((moved - offset).distance(middle) < 0.01, "{middle} {moved}");
+}
+
 #[test]
 fn what_makes_no_hull_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::time::Instant;
 
 use bokashi_core::parallel::with_threads;
 use bokashi_fit::on_ranks;
@@ -222,36 +221,26 @@ fn starts_need_an_image_and_a_number_that_is_not_huge() {
     );
 }
 
-/// What `docs/scene.md` says of the capture range.
+/// How many rotations are drawn. With 100 they are those of `docs/scene.md`: 98 are found, in two minutes.
+const ROTATIONS: usize = 10;
+
 #[test]
-#[ignore = "some minutes: a measurement"]
-fn most_of_a_hundred_random_rotations_are_found() {
+fn random_rotations_are_found_by_the_search_alone() {
     let turned = Turned::new(64, 12);
-    for (starts, count) in [("starts = 64\n", 100), ("", 20)] {
+    for starts in ["starts = 64\n", ""] {
         let rest = format!("[learn.pose]\n{starts}[stop]\nsteps = 80\n");
-        let mut found = Vec::new();
-        let (mut seconds, mut search) = (0.0, 0.0);
-        for (k, rotation) in random(count).into_iter().enumerate() {
+        let found = random(ROTATIONS).into_iter().map(|rotation| {
             let scene = turned.scene(rotation, &rest);
-            let start = turn(&scene.objects[0].places[0]);
-            let clock = Instant::now();
+            let begun = turn(&scene.objects[0].places[0]);
             let mut fit = SceneFit::new(scene).unwrap();
-            search += clock.elapsed().as_secs_f64();
-            let begun = off(&fit);
-            let mut last = 0.0;
-            fit.run(|step| last = step.loss).unwrap();
-            seconds += clock.elapsed().as_secs_f64();
-            println!(
-                "{k}: {start:.0} degrees, then {begun:.2}, {:.3}, loss {last:.2e} {:?}",
-                off(&fit),
-                fit.starts()
-            );
-            found.push(off(&fit));
+            fit.run(|_| ()).unwrap();
+            println!("{begun:.0} degrees, then {:.3} {:?}", off(&fit), fit.starts());
+            off(&fit)
+        });
+        let within = found.filter(|&off| off < 1.0).count();
+        match starts {
+            "" => assert_eq!(within, 0),
+            _ => assert!(100 * within >= 95 * ROTATIONS, "{within} of {ROTATIONS}"),
         }
-        let within = found.iter().filter(|&&off| off < 1.0).count();
-        println!(
-            "{starts:?}: {within} within 1 degree, {seconds:.1} s, {search:.1} of them searching"
-        );
-        assert!(starts.is_empty() || within >= 95, "{within}");
     }
 }
