@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use super::SavedBlends;
+use super::blends::SavedBlends;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
