@@ -49,6 +49,24 @@ impl Scene {
         names.flat_map(|name| ENDS.map(|end| PathBuf::from(format!("{name}{end}")))).collect()
     }
 
+    /// The views as they are seen, one after the other, smaller `reduce` times along each axis: `[H, W, 3]`, as
+    /// pixels stand for it.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`]; of a view, what the operations refuse.
+    pub fn pictures(
+        &self,
+        reduce: usize,
+    ) -> Result<impl Iterator<Item = Result<Tensor<f32>, SceneError>> + use<>, SceneError> {
+        let renderer = Renderer::new(Arc::new(self.clone()))?;
+        Ok((0..self.views.len()).map(move |view| {
+            let tape = Tape::new();
+            let values = Values { tape: &tape, learnt: None };
+            let drawn = renderer.draw(&values, view, reduce, false)?;
+            Ok(renderer.image(&values, &drawn, reduce)?.value())
+        }))
+    }
+
     /// Renders these views, by their numbers, one after the other.
     ///
     /// # Errors

@@ -1,17 +1,12 @@
 //! A camera that goes once around what a scene's cameras look at, as if that stood on a turntable.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
-use bokashi_core::{Tape, Tensor};
 use bokashi_render_ops::camera::{look_at, opengl_to_opencv_view};
 use glam::{DMat4, DVec3};
 
 use crate::cameras::Camera;
-use crate::error::SceneError;
 use crate::gaze::gaze;
-use crate::learnables::Values;
-use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::scene_view::SceneView;
 
@@ -99,24 +94,6 @@ impl Scene {
             ..widest.clone()
         });
         Some(Self { views: views.collect(), ..self.clone() })
-    }
-
-    /// The views as they are seen, one after the other, smaller `reduce` times along each axis: `[H, W, 3]`, as
-    /// pixels stand for it.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`]; of a view, what the operations refuse.
-    pub fn pictures(
-        &self,
-        reduce: usize,
-    ) -> Result<impl Iterator<Item = Result<Tensor<f32>, SceneError>> + use<>, SceneError> {
-        let renderer = Renderer::new(Arc::new(self.clone()))?;
-        Ok((0..self.views.len()).map(move |view| {
-            let tape = Tape::new();
-            let values = Values { tape: &tape, learnt: None };
-            let drawn = renderer.draw(&values, view, reduce, false)?;
-            Ok(renderer.image(&values, &drawn, reduce)?.value())
-        }))
     }
 }
 

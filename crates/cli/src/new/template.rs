@@ -298,8 +298,11 @@ impl Template<'_> {
     fn stages_from_hull(&self, photographs: &Photographs) -> String {
         let (fine, views) = (reduce(&photographs.sizes), photographs.images.len().min(VIEWS));
         let longest = photographs.sizes.iter().flatten().copied().max().unwrap_or(1);
-        let is_even = |k: usize| photographs.sizes.iter().flatten().all(|x| x.is_multiple_of(k));
-        let coarse = if is_even(2 * fine) { 2 * fine } else { fine };
+        let coarse = 2 * fine;
+        let smaller = match fine {
+            1 => "",
+            _ => " Images are made smaller to some 600 pixels, for the sake of time.",
+        };
         let length = |reduce: usize| {
             let length = EDGES * reduce as f64 / longest as f64;
             (1e3 * length.clamp(SHORTEST, 0.1)).round() / 1e3
@@ -309,7 +312,7 @@ impl Template<'_> {
              # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
              [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
              remesh = {{ length = {}, every = 50 }}\n\n\
-             # Then all of it. Images are made smaller to some 600 pixels, for the sake of time.\n\
+             # Then all of it.{smaller}\n\
              [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
              # At last colours alone.\n\
@@ -340,13 +343,11 @@ impl Template<'_> {
     }
 }
 
-/// How many times smaller images of these sizes become at first: a power of two that divides all of them.
+/// How many times smaller images of these sizes become at first: a power of two.
 fn reduce(sizes: &[[usize; 2]]) -> usize {
     let longest = sizes.iter().flatten().copied().max().unwrap_or(1);
     let mut reduce = 1;
-    while longest / reduce > LONGEST
-        && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
-    {
+    while longest / reduce > LONGEST {
         reduce *= 2;
     }
     reduce
@@ -383,11 +384,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_are_made_smaller_as_far_as_their_sizes_divide() {
+    fn images_are_made_smaller_down_to_some_600_pixels() {
         assert_eq!(reduce(&[[128, 128]]), 1);
         assert_eq!(reduce(&[[800, 800]]), 2);
         assert_eq!(reduce(&[[4032, 3024]]), 8);
-        assert_eq!(reduce(&[[4032, 3025]]), 1);
+        assert_eq!(reduce(&[[4032, 3025]]), 8);
         assert_eq!(reduce(&[]), 1);
     }
 
