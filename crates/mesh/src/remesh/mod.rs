@@ -37,7 +37,7 @@ mod tests;
 use bokashi_core::{Scalar, SparseMatrix, Tensor};
 use bokashi_render_ops::Mesh;
 
-use crate::derived_mesh::DerivedMesh;
+use crate::derived_mesh::{DerivedMesh, kept_part};
 use crate::error::MeshError;
 use crate::placed::Placed;
 use changing::{Changing, NONE};
@@ -103,23 +103,20 @@ impl Changing<'_> {
         let old_count = positions.shape()[0];
         // A vertex without a proper face was there before, or has vanished.
         let stays = |v: usize| self.sites[v] == Site::NOWHERE || !self.around[v].is_empty();
-        let (mut names, mut count) = (vec![NONE; self.points.len()], 0);
-        let mut triplets = Vec::new();
-        for v in (0..self.points.len()).filter(|v| stays(*v)) {
-            names[v] = count;
-            match self.sites[v] {
-                Site::NOWHERE => triplets.push((count, v as u32, 1.0)),
-                site => {
-                    let weights = self.surface.weights(site).into_iter().filter(|it| it.1 != 0.0);
-                    triplets.extend(weights.map(|(vertex, weight)| (count, vertex, weight)));
-                }
-            }
-            count += 1;
-        }
         let is_left = |face: &&[u32; 3]| face[0] != NONE;
         let left: Vec<_> = self.faces.iter().filter(is_left).copied().collect();
-        let faces = left.iter().map(|face| face.map(|vertex| names[vertex as usize])).collect();
-        let mut mesh = Mesh::new(faces, count as usize)?;
+        let (kept, faces) = kept_part(self.points.len(), stays, left.iter().copied());
+        let mut triplets = Vec::new();
+        for (row, &kept) in (0..).zip(&kept) {
+            match self.sites[kept as usize] {
+                Site::NOWHERE => triplets.push((row, kept, 1.0)),
+                site => {
+                    let weights = self.surface.weights(site).into_iter().filter(|it| it.1 != 0.0);
+                    triplets.extend(weights.map(|(vertex, weight)| (row, vertex, weight)));
+                }
+            }
+        }
+        let mut mesh = Mesh::new(faces, kept.len())?;
         let is_seam = |face: usize, corner: usize| {
             let [a, b] = [1, 2].map(|step| left[face][(corner + step) % 3]);
             self.is_seam(a, b)
@@ -127,7 +124,7 @@ impl Changing<'_> {
         if (0..left.len()).any(|face| (0..3).any(|corner| is_seam(face, corner))) {
             mesh = mesh.with_seams(is_seam);
         }
-        let weights = SparseMatrix::new(count as usize, old_count, triplets)?;
+        let weights = SparseMatrix::new(kept.len(), old_count, triplets)?;
         DerivedMesh::new(positions, mesh, weights)
     }
 }
