@@ -108,11 +108,8 @@ mod tests {
 
     #[test]
     fn points_on_edges_and_corners_have_weights_that_are_exactly_0() {
-        let corners = [
-            DVec3::new(0.1, 0.7, -0.3),
-            DVec3::new(1.3, -0.2, 0.4),
-            DVec3::new(0.9, 0.8, 1.7),
-        ];
+        let corners =
+            [DVec3::new(0.1, 0.7, -0.3), DVec3::new(1.3, -0.2, 0.4), DVec3::new(0.9, 0.8, 1.7)];
         let normal = area_vector(corners);
         for k in 0..3 {
             let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 3]);

@@ -230,6 +230,7 @@ impl<T: Scalar> Op<T> for OfField {
     }
 
     fn saved_bytes(&self, saved: &Saved<T>) -> usize {
-        size_of_val(&saved.edges[..]) + size_of_val(&saved.vertices[..])
+        let faces = saved.mesh.as_ref().map_or(0, |mesh| size_of_val(mesh.faces()));
+        size_of_val(&saved.edges[..]) + size_of_val(&saved.vertices[..]) + faces
     }
 }
