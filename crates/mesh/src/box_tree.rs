@@ -162,8 +162,8 @@ impl BoxTree {
         }
     }
 
-    /// The item with the least `distance`, squared and from `point`, and this; of equal ones that with the lowest index.
-    /// No item may be nearer than its box is.
+    /// The item with the least `distance`, squared and from `point`, and this; of equal ones that with the lowest
+    /// index. No item may be nearer than its box is.
     pub(crate) fn nearest(&self, point: DVec3, distance: impl Fn(u32) -> f64) -> (u32, f64) {
         let (mut nearest, mut least) = (NONE, f64::INFINITY);
         let mut open = SmallVec::<[(u32, f64); 64]>::new();

@@ -67,7 +67,8 @@ fn product<T: Scalar>(
     Ok(Tensor::new(&shape[..], data)?)
 }
 
-/// The vertices that are kept of `count`, and `faces` of these, which then name the places of their vertices among them.
+/// The vertices that are kept of `count`, and `faces` of these, which then name the places of their vertices among
+/// them.
 pub(crate) fn kept_part(
     count: usize,
     is_kept: impl Fn(usize) -> bool,

@@ -37,8 +37,10 @@ impl Grid {
         Ok(grid)
     }
 
-    /// The grid with `cells` cells along the longest side of the box from `low` to `high`, and with one layer of cells around the box on
-    /// every side: a field whose shape lies in the box is outside at the border.
+    /// The grid with `cells` cells along the longest side of the box from `low` to `high`.
+    ///
+    /// One more layer of cells is around the box on every side. So a field whose shape lies in the box is outside at
+    /// the border.
     ///
     /// # Errors
     /// [`MeshError::GridBox`] where `low` is above `high` along an axis; as [`Self::new`] for the grid that comes out.

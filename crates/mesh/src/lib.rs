@@ -23,7 +23,7 @@
 //!
 //! | topic | operations and types |
 //! |---|---|
-//! | other meshes of one | [`remesh()`] and [`RemeshOptions`], [`subdivide()`]; a [`DerivedMesh`] carries over what stood at vertices |
+//! | other meshes of one | [`remesh()`], [`subdivide()`]; a [`DerivedMesh`] carries over what stood at vertices |
 //! | other positions | [`smooth()`] |
 //! | numbers of a mesh | [`Connectivity`]; [`surface_area()`], [`signed_volume()`], [`self_intersections()`] |
 //! | surfaces of fields | [`field_surface()`] at the points of a [`Grid`], [`extract_surface()`] without a tape |

@@ -72,8 +72,8 @@ fn rows<T: Scalar>(tensor: &Tensor<T>) -> Vec<DVec3> {
     rows.map(|row| DVec3::from_array(row.map(Scalar::to_f64))).collect()
 }
 
-/// Divides points by one power of two so that they lie within -2 and 2, and no product of them leaves the range of the
-/// numbers. Returns what they were divided by.
+/// Divides points by one power of two, and returns it. They then lie within -2 and 2, and no product of them leaves
+/// the range of the numbers.
 pub(crate) fn balance<const N: usize>(mut clouds: [&mut [DVec3]; N]) -> f64 {
     let all = clouds.iter().flat_map(|cloud| cloud.iter());
     let size = all.fold(0.0_f64, |size, point| size.max(point.abs().max_element()));

@@ -1,11 +1,11 @@
 //! Subdivision: each face becomes four.
 //!
 //! # Formulas
-//! A new vertex lies on each edge (i, j). At the midpoint, or by Loop's rule at `3/8 (x_i + x_j) + 1/8 (x_k + x_l)`
-//! with the corners across. Loop also moves an old vertex with n neighbours, to `(1 - n b) x + b (sum of neighbours)`,
-//! `b = (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n`. At a boundary the rules are those of a cubic spline: midpoints, and
-//! `3/4 x + 1/8 (x_before + x_after)`. An edge of three faces counts as a boundary. A vertex at other than two of
-//! such edges stays.
+//! A new vertex lies on each edge (i, j): at the midpoint, or by Loop's rule. This puts it at
+//! `3/8 (x_i + x_j) + 1/8 (x_k + x_l)`, with the corners k and l across. Loop also moves an old vertex with n
+//! neighbours, to `(1 - n b) x + b (sum of neighbours)`. Here `b = (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n`. At a
+//! boundary the rules are those of a cubic spline: midpoints, and `3/4 x + 1/8 (x_before + x_after)`. An edge of
+//! three faces counts as a boundary. A vertex at other than two of such edges stays.
 //!
 //! # Backward
 //! The map is linear, with constant weights: a product with a sparse matrix.

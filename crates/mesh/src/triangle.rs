@@ -35,9 +35,9 @@ pub(crate) fn beside(face: [u32; 3], vertex: u32) -> [u32; 2] {
 
 /// The barycentrics of the point of a triangle that is nearest to `p`, and the square of its distance.
 ///
-/// It lies on one of the edges, or is the foot of the perpendicular where this falls within and is nearer. At an edge or a
-/// corner the other barycentrics are exactly 0. Distances are those of the points that are found. So rounding in a sliver
-/// can make the point a bit farther, and never wrong. A triangle without an area is the edges that it has.
+/// It lies on one of the edges, or is the foot of the perpendicular where this falls within and is nearer. At an edge
+/// or a corner the other barycentrics are exactly 0. Distances are those of the points that are found. So rounding in
+/// a sliver can make the point a bit farther, and never wrong. A triangle without an area is the edges that it has.
 pub(crate) fn nearest(corners: [DVec3; 3], p: DVec3) -> ([f64; 3], f64) {
     let [a, b, c] = corners;
     let (to_b, to_c, to_p) = (b - a, c - a, p - a);

@@ -1,11 +1,14 @@
 //! Vertices at one place, and faces without an area between them, dropped without opening the surface.
 //!
-//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two
-//! of them is collapsed where the surface stays what it is: where the links of its ends meet in the link of the edge
-//! alone (Dey, Edelsbrunner, Guha and Nekhayev 1999). The others stay, with their faces: to drop them would pinch the
-//! surface at the point, or tear it. A tetrahedron at one point, which has no volume, is dropped.
+//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two of
+//! them is collapsed where the surface stays what it is. That is so where the links of its ends meet in the link of
+//! the edge alone. The others stay, with their faces: to drop them would pinch the surface at the point, or tear it.
+//! A tetrahedron at one point, which has no volume, is dropped.
 //!
 //! The vertex that stays is the one with the lower number. A border counts as the link to a vertex beyond.
+//!
+//! # Source
+//! Dey, Edelsbrunner, Guha and Nekhayev, *Topology preserving edge contraction*, 1999.
 
 use smallvec::SmallVec;
 
@@ -28,8 +31,8 @@ pub(super) fn coincident_edges<T: PartialEq>(
     edges
 }
 
-/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left, and
-/// the faces, with the places of their vertices in this list.
+/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left,
+/// and the faces, with the places of their vertices in this list.
 pub(super) fn collapse(
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
@@ -84,8 +87,8 @@ impl Surface {
         Self { faces, stars, merged: (0..vertex_count as u32).collect(), places }
     }
 
-    /// The edges around a vertex: of each of its faces the one that it faces, and from each end of the border that it
-    /// lies on to the vertex beyond.
+    /// The edges around a vertex: of each of its faces the one that it faces. On a border they go on from both ends to
+    /// the vertex beyond.
     fn link(&self, vertex: u32) -> Vec<[u32; 2]> {
         let star = &self.stars[vertex as usize];
         let across = |&face: &u32| {

@@ -208,8 +208,8 @@ fn a_surface_agrees_with_itself_and_less_with_another() {
     let [(one, faces), (two, others)] = [square(0), square(1)];
     let crossed = normal_consistency((&one, &faces), (&two, &others), 100, 3).unwrap();
     assert!(crossed.abs() < 1e-12, "{crossed}");
-    // A flat square, and the same with an upright one far above it: seen from the flat one they agree, and from half
-    // of the other surface they are at right angles.
+    // A flat square, and the same with an upright one far above it. Seen from the flat one they agree. Seen from the
+    // upright half of the other surface they are at right angles.
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let flat: Vec<_> = corners.iter().map(|&[u, v]| [u, v, 0.0]).collect();
     let upright = corners.iter().map(|&[u, v]| [u, 0.0, v + 5.0]);

@@ -310,8 +310,8 @@ fn enclosed() -> impl Strategy<Value = (Grid, Tensor<f64>)> {
     })
 }
 
-/// Whether some point lies inside, with room around it: a neighbour's number is not so much larger than its own that
-/// rounding puts the surface at the point itself.
+/// Whether some point lies inside with room around it. A neighbour's number must not be so much larger than its own
+/// that rounding puts the surface at the point itself.
 fn has_inside(grid: &Grid, field: &Tensor<f64>) -> bool {
     let [_, ny, nz] = grid.shape();
     let index = |[i, j, k]: [usize; 3]| (i * ny + j) * nz + k;
