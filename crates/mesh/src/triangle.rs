@@ -33,14 +33,20 @@ pub(crate) fn beside(face: [u32; 3], vertex: u32) -> [u32; 2] {
     [face[(corner + 1) % 3], face[(corner + 2) % 3]]
 }
 
+/// What rounding moves a point by, for each unit of its coordinates: those of a few sums and products.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// The barycentrics of the point of a triangle that is nearest to `p`, and the square of its distance.
 ///
-/// It lies on one of the edges, or is the foot of the perpendicular where this falls within and is nearer. At an edge
-/// or a corner the other barycentrics are exactly 0. Distances are those of the points that are found. So rounding in
-/// a sliver can make the point a bit farther, and never wrong. A triangle without an area is the edges that it has.
+/// It lies on one of the edges, or is the foot of the perpendicular where this falls within and is nearer. At an edge or
+/// a corner, to within rounding, the other barycentrics are exactly 0. Distances are those of the points that are found.
+/// So rounding in a sliver can make the point a bit farther, and never wrong. A triangle without an area is the edges
+/// that it has.
 pub(crate) fn nearest(corners: [DVec3; 3], p: DVec3) -> ([f64; 3], f64) {
     let [a, b, c] = corners;
     let (to_b, to_c, to_p) = (b - a, c - a, p - a);
+    let size = corners.iter().fold(p.abs(), |size, corner| size.max(corner.abs()));
+    let rounding = ROUNDING * size.max_element();
     let mut best = ([1.0, 0.0, 0.0], f64::INFINITY);
     let mut offer = |weights: [f64; 3]| {
         let found = (to_p - weights[1] * to_b - weights[2] * to_c).length_squared();
@@ -48,24 +54,33 @@ pub(crate) fn nearest(corners: [DVec3; 3], p: DVec3) -> ([f64; 3], f64) {
             best = (weights, found);
         }
     };
-    for from in 0..3 {
-        let to = (from + 1) % 3;
+    // By the corner that an edge faces.
+    let mut lengths = [0.0; 3];
+    for corner in 0..3 {
+        let [from, to] = [1, 2].map(|step| (corner + step) % 3);
         let along = corners[to] - corners[from];
         let length = along.length_squared();
         let share = (p - corners[from]).dot(along) / length;
-        let share = if length > 0.0 { share.clamp(0.0, 1.0) } else { 0.0 };
+        let near = rounding / length.sqrt();
+        let share = if share > near && share < 1.0 - near { share } else { f64::from(share > 0.5) };
         let mut weights = [0.0; 3];
         (weights[from], weights[to]) = (1.0 - share, share);
         offer(weights);
+        lengths[corner] = length;
     }
     let normal = to_b.cross(to_c);
     let square = normal.length_squared();
     if square > 0.0 {
         let v = to_p.cross(to_c).dot(normal) / square;
         let w = to_b.cross(to_p).dot(normal) / square;
-        let u = 1.0 - v - w;
-        if u >= 0.0 && v >= 0.0 && w >= 0.0 {
-            offer([u, v, w]);
+        let weights = [1.0 - v - w, v, w];
+        // A weight times twice the area is the length of its edge times how far the foot is from there.
+        let is_within = |k: usize| {
+            let weight = weights[k];
+            weight > 0.0 && weight * weight * square > rounding * rounding * lengths[k]
+        };
+        if (0..3).all(is_within) {
+            offer(weights);
         }
     }
     best
@@ -114,17 +129,18 @@ mod tests {
         for k in 0..3 {
             let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 3]);
             let outward = (b - a).cross(normal);
+            let inward = (c - a).normalize();
             for i in 0..=50 {
                 // On the edge, above it, and beyond it.
                 let on = a + f64::from(i) / 50.0 * (b - a);
                 for p in [on, on + 0.1 * normal, on + 0.3 * outward] {
                     let (weights, _) = nearest(corners, p);
-                    let within = weights[(k + 2) % 3];
-                    // What rounding puts inside is within rounding of the edge.
-                    assert!(within < 1e-15, "{weights:?}");
-                    assert!(p != on + 0.3 * outward || within == 0.0, "{weights:?}");
+                    assert_eq!(weights[(k + 2) % 3], 0.0, "{weights:?}");
                 }
             }
+            // A trifle within it is no longer on it.
+            let (weights, square) = nearest(corners, 0.5 * (a + b) + 1e-13 * inward);
+            assert!(weights.iter().all(|weight| *weight > 0.0) && square < 1e-30, "{weights:?}");
             let beyond = a + 0.2 * (a - b) + 0.2 * (a - c);
             let mut corner = [0.0; 3];
             corner[k] = 1.0;
