@@ -28,7 +28,7 @@ pub(crate) fn corner_of(face: [u32; 3], vertex: u32) -> usize {
 
 /// The corners of a face after and before `vertex`.
 #[inline]
-pub(crate) fn beside(face: [u32; 3], vertex: u32) -> [u32; 2] {
+pub(crate) fn other_corners(face: [u32; 3], vertex: u32) -> [u32; 2] {
     let corner = corner_of(face, vertex);
     [face[(corner + 1) % 3], face[(corner + 2) % 3]]
 }
@@ -154,7 +154,7 @@ mod tests {
     fn each_vertex_has_its_corner_between_two_others() {
         let face = [7, 2, 5];
         assert_eq!(face.map(|vertex| corner_of(face, vertex)), [0, 1, 2]);
-        assert_eq!(face.map(|vertex| beside(face, vertex)), [[2, 5], [5, 7], [7, 2]]);
+        assert_eq!(face.map(|vertex| other_corners(face, vertex)), [[2, 5], [5, 7], [7, 2]]);
     }
 
     #[test]

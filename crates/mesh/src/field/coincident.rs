@@ -13,7 +13,7 @@
 use smallvec::SmallVec;
 
 use crate::derived_mesh::kept_part;
-use crate::triangle::beside;
+use crate::triangle::other_corners;
 
 /// A vertex beyond the border.
 const BEYOND: u32 = u32::MAX;
@@ -92,7 +92,7 @@ impl Surface {
     fn link(&self, vertex: u32) -> Vec<[u32; 2]> {
         let star = &self.stars[vertex as usize];
         let across = |&face: &u32| {
-            let [a, b] = beside(self.faces[face as usize], vertex);
+            let [a, b] = other_corners(self.faces[face as usize], vertex);
             [a.min(b), a.max(b)]
         };
         let mut link: Vec<_> = star.iter().map(across).collect();

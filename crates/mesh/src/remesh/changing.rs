@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 
 use super::surface::{Around, Site, Surface};
 use crate::box_tree::{Bounds, BoxTree};
-use crate::triangle::{beside, repeats_a_vertex};
+use crate::triangle::{other_corners, repeats_a_vertex};
 
 /// Stands for no vertex: the corners of a face that is gone.
 pub(super) const NONE: u32 = u32::MAX;
@@ -155,7 +155,7 @@ impl<'a> Changing<'a> {
             if !face.contains(&other) {
                 continue;
             }
-            let [next, last] = beside(face, a);
+            let [next, last] = other_corners(face, a);
             let (side, across) = if next == b { (0, last) } else { (1, next) };
             if edge.faces[side] != NONE {
                 return None;
@@ -176,7 +176,7 @@ impl<'a> Changing<'a> {
 
     /// The corner of a face after and before `vertex`.
     pub(super) fn other_corners(&self, face: u32, vertex: u32) -> [u32; 2] {
-        beside(self.faces[face as usize], vertex)
+        other_corners(self.faces[face as usize], vertex)
     }
 
     /// Moves a vertex to a place of the old surface.
@@ -315,7 +315,7 @@ fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
     // Each face as a step from the corner after the vertex to the one before.
     let own = around[vertex as usize].iter();
     let mut steps: SmallVec<[[u32; 2]; 8]> =
-        own.map(|&face| beside(faces[face as usize], vertex)).collect();
+        own.map(|&face| other_corners(faces[face as usize], vertex)).collect();
     steps.sort_unstable();
     let mut ends: SmallVec<[u32; 8]> = steps.iter().map(|step| step[1]).collect();
     ends.sort_unstable();
