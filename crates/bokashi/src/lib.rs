@@ -126,6 +126,11 @@ pub mod prelude {
 #[doc = include_str!("../../../docs/tutorial.md")]
 struct Tutorial;
 
+/// The program of the recipes is compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/recipes.md")]
+struct Recipes;
+
 /// The program in the README is compiled.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]

@@ -7,7 +7,7 @@ import pytest
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
-@pytest.mark.parametrize("page", ["python.md", "from-nvdiffrast.md"])
+@pytest.mark.parametrize("page", ["python.md", "from-nvdiffrast.md", "from-pytorch3d-and-mitsuba.md"])
 def test_the_programs_of_a_page_run(page):
     if not (DOCS / page).exists():
         pytest.skip("the pages are not in a source distribution")

@@ -1,4 +1,4 @@
-//! `docs/scene.md` has every key of `scene.toml`, and what it shows can be read.
+//! `docs/scene.md` has every key of `scene.toml`, and what it and `docs/recipes.md` show can be read.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,8 +8,9 @@ use bokashi_scene::description::{Description, schema};
 use serde_json::Value;
 use toml::Value as Shown;
 
-fn page() -> String {
-    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scene.md")).unwrap()
+fn page(name: &str) -> String {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    fs::read_to_string(docs.join(name)).unwrap()
 }
 
 /// The blocks of TOML in a page.
@@ -86,20 +87,22 @@ fn words(node: &Value, found: &mut Vec<String>) {
 }
 
 #[test]
-fn every_block_of_the_page_can_be_read() {
-    let page = page();
-    let blocks = blocks(&page);
-    assert!(blocks.len() >= 3, "{}", blocks.len());
-    for block in blocks {
-        if let Err(error) = Description::parse(block, Path::new("docs/scene.md")) {
-            panic!("{error} in\n{block}");
+fn every_block_of_the_pages_can_be_read() {
+    for (name, least) in [("scene.md", 3), ("recipes.md", 4)] {
+        let page = page(name);
+        let blocks = blocks(&page);
+        assert!(blocks.len() >= least, "{name}: {}", blocks.len());
+        for block in blocks {
+            if let Err(error) = Description::parse(block, Path::new(name)) {
+                panic!("{error} in\n{block}");
+            }
         }
     }
 }
 
 #[test]
 fn every_key_of_the_schema_is_on_the_page() {
-    let page = page();
+    let page = page("scene.md");
     let schema: Value = serde_json::from_str(&schema()).unwrap();
     let read = |block: &&str| toml::from_str::<Shown>(block).unwrap();
     let blocks: Vec<_> = blocks(&page).iter().map(read).collect();
@@ -115,7 +118,7 @@ fn every_key_of_the_schema_is_on_the_page() {
 /// What the test above rests on: a key that is left out is found, at every depth.
 #[test]
 fn a_key_that_a_page_lacks_is_found() {
-    let page = page();
+    let page = page("scene.md");
     let schema: Value = serde_json::from_str(&schema()).unwrap();
     let keys = [
         ("seed = 7\n", ".seed"),
@@ -221,7 +224,8 @@ fn faults_of(text: &str) -> Vec<String> {
 
 #[test]
 fn an_editor_finds_nothing_wrong_with_the_page() {
-    for block in blocks(&page()) {
+    let pages = ["scene.md", "recipes.md"].map(page);
+    for block in pages.iter().flat_map(|page| blocks(page)) {
         assert_eq!(faults_of(block), Vec::<String>::new(), "in\n{block}");
     }
 }
