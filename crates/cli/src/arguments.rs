@@ -317,6 +317,9 @@ pub(crate) struct NewArguments {
     /// Folder of images to copy, with transforms.json or sparse and masks if it has them
     #[arg(long, value_name = "FOLDER")]
     pub(crate) images: Option<PathBuf>,
+    /// Cameras are known roughly only: they are learnt, too
+    #[arg(long, requires = "images")]
+    pub(crate) rough_cameras: bool,
     #[command(flatten)]
     pub(crate) memory: MostMemory,
 }

@@ -35,7 +35,7 @@ pub(crate) fn entry() -> Entry {
                     of(&small, with_one([4, 3], 4, f64::NAN)),
                 )
                 .refuses(
-                    "draw_points needs a surface with an area, got 2 faces that have none",
+                    "draw_points needs a face with an area, got none among 2",
                     of(&small, Input::leaf(Tensor::zeros([4, 3]))),
                 ),
         );

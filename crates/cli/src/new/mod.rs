@@ -55,7 +55,8 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     copies.check()?;
     check_schema(folder)?;
     let (start, photographs) = (start.as_ref(), photographs.as_ref());
-    let mut template = Template { start, photographs, no_hull: None };
+    let has_rough_cameras = arguments.rough_cameras;
+    let mut template = Template { start, photographs, has_rough_cameras, no_hull: None };
     let mut made = Made::new(folder);
     match make(&mut made, &copies, &mut template, &file) {
         Ok(scene) => say(&last_words(&file, &copies, &template, &scene)),

@@ -31,6 +31,8 @@ const SHORTEST: f64 = 0.012;
 pub(super) struct Template<'a> {
     pub(super) start: Option<&'a Start>,
     pub(super) photographs: Option<&'a Photographs>,
+    /// Whether cameras are known roughly only.
+    pub(super) has_rough_cameras: bool,
     /// Why masks make no hull, once that is known.
     pub(super) no_hull: Option<String>,
 }
@@ -62,11 +64,11 @@ impl Template<'_> {
     }
 
     /// What is learnt, for the last words.
-    pub(super) fn learnt(&self) -> &'static str {
+    pub(super) fn learnt(&self) -> String {
         if self.photographs.is_none() {
-            return "nothing: there are no images";
+            return "nothing: there are no images".to_owned();
         }
-        match self.start.map(|start| start.paint) {
+        let of_mesh = match self.start.map(|start| start.paint) {
             None if self.starts_from_hull() => {
                 "the shape, from what the masks allow, and its colours"
             }
@@ -75,7 +77,9 @@ impl Template<'_> {
             Some(Paint::Coordinates) => "a texture of the mesh",
             Some(Paint::Colors) => "colours at the mesh's vertices",
             Some(Paint::Bare) => "the vertices and the colour of the mesh",
-        }
+        };
+        let cameras = if self.has_rough_cameras { "; cameras, too" } else { "" };
+        format!("{of_mesh}{cameras}")
     }
 
     /// Whether somebody has to fill in cameras.
@@ -267,7 +271,14 @@ impl Template<'_> {
         let pose = "# Where the mesh stands, if it does not lie on the images yet. From far off, so many rotations are\n\
              # tried first, on small images. Masks help: see `silhouette` below.\n\
              # [learn.pose]\n# starts = 64\n";
-        let toml = format!("{toml}\n{pose}");
+        let cameras = match self.has_rough_cameras {
+            true => "# Where cameras stand: they are known roughly only.\n[learn.cameras]\n",
+            false => {
+                "# Where cameras stand, if they are known roughly only. Name them in `learn` of stages, too.\n\
+                 # [learn.cameras]\n"
+            }
+        };
+        let toml = format!("{toml}\n{pose}\n{cameras}");
         match self.photographs {
             Some(_) => toml,
             None => {
@@ -307,17 +318,21 @@ impl Template<'_> {
             let length = EDGES * reduce as f64 / longest as f64;
             (1e3 * length.clamp(SHORTEST, 0.1)).round() / 1e3
         };
+        let (first, last) = match self.has_rough_cameras {
+            true => ("learn = [\"vertices\", \"colors\"]\n", "[\"colors\", \"cameras\"]"),
+            false => ("", "[\"colors\"]"),
+        };
         format!(
             "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
              # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
              [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
-             remesh = {{ length = {}, every = 50 }}\n\n\
+             {first}remesh = {{ length = {}, every = 50 }}\n\n\
              # Then all of it.{smaller}\n\
              [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
              # At last colours alone.\n\
              [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.3\n\
-             learn = [\"colors\"]\n",
+             learn = {last}\n",
             number(length(coarse)),
             number(length(fine))
         )

@@ -1,5 +1,7 @@
 //! What `bokashi new` makes of meshes and images.
 
+use bokashi_scene::description::Stage;
+
 use super::*;
 
 #[test]
@@ -27,6 +29,24 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
     );
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     assert!(!told.contains("problem"), "{told}");
+}
+
+#[test]
+fn cameras_that_are_known_roughly_are_learnt_after_the_first_stage() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    photographs(folder, 9, 4);
+    let said = said(folder, &["new", "ball", "--images", "photos", "--rough-cameras"]);
+    assert!(said.contains("its colours; cameras, too\n"), "{said}");
+    let fit = step(folder, "ball/scene.toml");
+    assert_eq!(names(&fit), ["vertices/object", "colors/object", "cameras"]);
+    let stages = &fit.scene().description.stages;
+    let learns_cameras = |stage: &Stage| {
+        stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|key| key == "cameras"))
+    };
+    assert_eq!(stages.iter().map(learns_cameras).collect::<Vec<_>>(), [false, true, true]);
+    let [_, told] = ended(folder, &["new", "other", "--rough-cameras"], 2);
+    assert!(told.contains("--images"), "{told}");
 }
 
 #[test]
