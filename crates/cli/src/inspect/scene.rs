@@ -181,7 +181,10 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         section.fact(key, format!("{text} (unit: {unit})"), json!(rate));
     }
     findings.named("learnt", section);
-    if description.learn.cameras.is_some() && scene.views.iter().any(|view| view.held_out) {
+    let lens = description.learn.lens.as_ref();
+    let is_of_views =
+        description.learn.cameras.is_some() || lens.is_some_and(|lens| !lens.per_view.is_empty());
+    if is_of_views && scene.views_with_image(true).next().is_some() {
         findings.note(HELD_OUT);
     }
     let stages = description.stages.as_slice();

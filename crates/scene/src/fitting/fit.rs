@@ -9,6 +9,7 @@ use bokashi_fit::{
     check_alike, check_same, saved,
 };
 
+use super::alignment::Aligned;
 use super::remeshing::{check_remeshing, remeshed};
 use super::stage::{
     StagePipeline, check_stages, set_rates, settings, stages, views_of, views_per_step,
@@ -36,8 +37,8 @@ pub struct SceneFit {
     pub(super) targets: Arc<Targets>,
     /// The views that are learnt from.
     learnt_from: Arc<[usize]>,
-    stages: Vec<Stage>,
-    stage: usize,
+    pub(super) stages: Vec<Stage>,
+    pub(super) stage: usize,
     pub(super) fit: Fit<f32>,
     pipeline: StagePipeline,
     pub(super) rates: Vec<LearntRate>,
@@ -50,6 +51,8 @@ pub struct SceneFit {
     changed: Vec<String>,
     /// Which starts of poses were taken, in words.
     starts: Vec<String>,
+    /// What was aligned since the last step.
+    pub(super) aligned: Option<Aligned>,
 }
 
 /// What a fit goes on with whose meshes got other vertices.
@@ -194,6 +197,7 @@ impl SceneFit {
             from,
             changed: Vec::new(),
             starts: Vec::new(),
+            aligned: None,
         })
     }
 
@@ -264,12 +268,13 @@ impl SceneFit {
         self.fit.parameters()
     }
 
-    /// The scene with what was learnt in the place of its own numbers.
+    /// The scene with what was learnt in the place of its own numbers, and of views that are
+    /// [aligned](SceneFit::align) what is their own.
     ///
     /// # Errors
     /// None: those of a parameter that is no number of the scene.
     pub fn learnt(&self) -> Result<Scene, SceneError> {
-        self.renderer.with_values(self.fit.parameters())
+        self.renderer.with_values(self.shown())
     }
 
     /// How many steps are done, of all stages.
@@ -310,6 +315,7 @@ impl SceneFit {
     /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were. After every
     /// hundredth step, [`FitError::Apart`] where ranks have come apart: then they are those after the step.
     pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
+        self.aligned = None;
         if self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64 {
             if self.stage + 1 == self.stages.len() {
                 return Ok(None);

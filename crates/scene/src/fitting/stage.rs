@@ -16,7 +16,7 @@ use crate::renderer::Renderer;
 use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
-use crate::targets::{HUBER, Targets, fit_error};
+use crate::targets::{HUBER, Target, Targets, fit_error};
 
 /// Steps of a fit that does not say.
 const STEPS: usize = 1000;
@@ -166,6 +166,15 @@ pub(super) fn views_of(
     views(count, loss).per_step(per_step).seed(seed)
 }
 
+/// Whether a step ended in a number that is not finite.
+pub(super) fn is_not_finite(error: &FitError) -> bool {
+    match error {
+        FitError::NotFinite { .. } => true,
+        FitError::View { error, .. } => is_not_finite(error),
+        _ => false,
+    }
+}
+
 /// How far a view is from its image.
 pub(super) fn loss_of_view<'t>(
     renderer: &Renderer,
@@ -175,7 +184,19 @@ pub(super) fn loss_of_view<'t>(
     reduce: usize,
 ) -> Result<Var<'t, f32>, FitError> {
     let target = targets.get(view, reduce).map_err(fit_error)?;
-    let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
+    loss_of_target(renderer, &target, targets.has_mask(view), values, view, reduce)
+}
+
+/// How far a view is from `target`, its image; `has_mask` compares silhouettes, too.
+pub(super) fn loss_of_target<'t>(
+    renderer: &Renderer,
+    target: &Target,
+    has_mask: bool,
+    values: &Values<'t, '_>,
+    view: usize,
+    reduce: usize,
+) -> Result<Var<'t, f32>, FitError> {
+    let drawn = renderer.draw_again(values, view, reduce, has_mask)?;
     if let Some(loss) = &target.loss {
         return Ok(drawn.light()?.map(|light| renderer.toned(light))?.loss(loss)?);
     }

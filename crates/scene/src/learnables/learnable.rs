@@ -26,6 +26,8 @@ pub(crate) struct Learnable {
     /// What `[learn]` says of it.
     pub(crate) entry: fn(&Learn) -> Option<Entry<'_>>,
     pub(super) subjects: Subjects,
+    /// Whether its value has a row for each view.
+    pub(crate) has_rows_of_views: bool,
     /// What of a view it changes besides colours.
     pub(crate) moves: Moves,
     /// From raw numbers to values. A start lies at least `margin` inside its range.
@@ -86,6 +88,7 @@ impl Learnable {
             name: key,
             entry: |_| None,
             subjects,
+            has_rows_of_views: false,
             moves: Moves::Nothing,
             mapping: Mapping::Identity,
             margin: 1e-3,
@@ -124,6 +127,14 @@ impl Learnable {
                 let names = scene.views.iter().map(|view| view.name.clone());
                 std::iter::once(String::new()).chain(names).collect()
             }
+        }
+    }
+
+    /// The name of the parameter that has what a view has of its own; `None` of what views share.
+    pub(crate) fn own_name(&self, scene: &Scene, view: usize) -> Option<String> {
+        match self.subjects {
+            Subjects::Views => Some(self.parameter_name(&scene.views[view].name)),
+            _ => self.has_rows_of_views.then(|| self.parameter_name("")),
         }
     }
 

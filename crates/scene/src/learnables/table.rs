@@ -143,6 +143,7 @@ pub(crate) static POSE: Learnable = Learnable {
 /// moves the picture and what changes its size are then different numbers.
 pub(crate) static CAMERAS: Learnable = Learnable {
     entry: |learn| learn.cameras.as_ref().map(Entry::from),
+    has_rows_of_views: true,
     moves: Moves::Vertices,
     unit: MOTION,
     start: |scene, _| Some(Tensor::zeros([scene.views.len(), 6])),

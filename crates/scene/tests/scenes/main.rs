@@ -1,6 +1,7 @@
 //! Scenes as their users have them: what their page says, what programs do with them, what fits of them learn,
 //! and the laws that hold for all fits.
 
+mod alignment;
 mod description;
 mod fits;
 mod fixtures;
