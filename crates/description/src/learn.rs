@@ -35,8 +35,8 @@ pub struct Learn {
     pub light_places: Option<LearnNumbers>,
     /// Light from all sides.
     pub environment: Option<LearnNumbers>,
-    /// How much light is multiplied.
-    pub exposure: Option<LearnNumbers>,
+    /// How much light is multiplied: of all views alike, or of each view.
+    pub exposure: Option<LearnExposure>,
     /// The standard deviation of the blur.
     pub blur: Option<LearnNumbers>,
     /// The lens: its aperture or radius, and its focus. What a view gives of its own is learnt of that view. Rates
@@ -50,6 +50,18 @@ pub struct Learn {
 pub struct LearnNumbers {
     /// The learning rate.
     pub rate: Option<Positive>,
+}
+
+/// How exposures are learnt.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnExposure {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// Whether each view learns how its exposure differs from the mean, which stays; by default the exposure of all
+    /// views is learnt.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub per_view: bool,
 }
 
 /// How numbers of meshes are learnt.

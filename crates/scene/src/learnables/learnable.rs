@@ -8,7 +8,8 @@ use bokashi_render_ops::RenderError;
 
 use super::frame::Frame;
 use crate::description::{
-    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, Positive,
+    Learn, LearnExposure, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose,
+    LearnVertices, Positive,
 };
 use crate::error::{Location, SceneError};
 use crate::object::Object;
@@ -237,6 +238,12 @@ fn number(rate: Option<Positive>) -> Option<f64> {
 
 impl<'l> From<&'l LearnNumbers> for Entry<'l> {
     fn from(entry: &'l LearnNumbers) -> Self {
+        Self { rate: number(entry.rate), ..Self::default() }
+    }
+}
+
+impl<'l> From<&'l LearnExposure> for Entry<'l> {
+    fn from(entry: &'l LearnExposure) -> Self {
         Self { rate: number(entry.rate), ..Self::default() }
     }
 }

@@ -117,7 +117,8 @@ fn cameras_of_held_out_views_are_found_and_nothing_else_moves() {
 #[test]
 fn alignment_has_the_same_bits_on_all_threads_and_ranks_and_after_an_interruption() {
     let folder = tempfile::tempdir().unwrap();
-    let rest = "[learn.cameras]\n[learn.pose]\n[stop]\nsteps = 4\nviews_per_step = 2\n";
+    let rest = "[learn.cameras]\n[learn.pose]\n[learn.exposure]\nper_view = true\n\
+                [stop]\nsteps = 4\nviews_per_step = 2\n";
     let load = || scene(folder.path(), 24, rest);
     let run = |mut fit: SceneFit| {
         fit.run(|_| ()).unwrap();

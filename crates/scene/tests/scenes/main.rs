@@ -3,6 +3,7 @@
 
 mod alignment;
 mod description;
+mod exposures;
 mod fits;
 mod fixtures;
 mod hulls;

@@ -306,6 +306,12 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
             "[learn.exposure]\nrate = 0.03",
             Takes,
         ),
+        (
+            "learn.exposure.per_view",
+            "[learn.exposure]\n",
+            "[learn.exposure]\nper_view = true\n",
+            Refused("the scene's parameters"),
+        ),
         ("learn.blur.rate", "[learn.blur]\nrate = 0.03", "[learn.blur]\nrate = 0.04", Takes),
         ("learn.lens.rate", "[learn.lens]\nrate = 0.02", "[learn.lens]\nrate = 0.03", Takes),
         ("learn.lens.per_view", "per_view = [\"focus\"]\n", "", Refused("the scene's parameters")),
