@@ -207,6 +207,20 @@ pub struct StopEntry {
     pub seconds: Option<Positive>,
     /// Below this loss.
     pub loss_below: Option<Positive>,
-    /// After so many steps without a smaller loss.
+    /// Ends a stage, and with the last one the fit, after so many steps without a smaller loss.
     pub patience: Option<Count>,
+    /// Ends a stage, and with the last one the fit, by views that are held out.
+    pub held_out: Option<HeldOutEntry>,
+}
+
+/// When views that are held out say that a stage is done.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeldOutEntry {
+    /// They are measured after so many steps each.
+    pub every: Count,
+    /// The stage ends after so many measures that were no better than the best before.
+    pub patience: Count,
+    /// Better is by more decibels of PSNR than this; by default 0.
+    pub gain: Option<NotNegative>,
 }

@@ -30,7 +30,8 @@ pub(super) type Loss = Box<
 
 /// One stage's steps.
 pub(super) struct StagePipeline {
-    pub(super) stage: usize,
+    /// How many steps each of the stages did that are done.
+    pub(super) done: Vec<u64>,
     pub(super) views: Views<f32, Loss>,
     pub(super) regularizers: Arc<[Regularizer]>,
     pub(super) rules: StopRules,
@@ -50,8 +51,8 @@ impl Pipeline<f32> for StagePipeline {
     }
 
     fn save_state(&self, state: &mut Vec<u8>) {
-        let Self { stage, remeshed, .. } = *self;
-        let progress = Progress { stage, seen: self.rules.seen(), remeshed };
+        let Self { remeshed, .. } = *self;
+        let progress = Progress { done: self.done.clone(), seen: self.rules.seen(), remeshed };
         progress.write(&self.surfaces, &self.origin, state);
     }
 
@@ -97,6 +98,16 @@ pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneEr
         return Err(SceneError::content(Location::new(&scene.path), message));
     }
     Ok(views)
+}
+
+/// A rule of views that are held out has some to measure.
+pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
+    if scene.description.stop.held_out.is_none() || scene.views_with_image(true).next().is_some() {
+        return Ok(());
+    }
+    let rule = "`stop.held_out` measures views with an image that are held out";
+    let message = format!("{rule}, and none of {} views is one", scene.views.len());
+    Err(SceneError::content(Location::new(&scene.path), message))
 }
 
 /// Stages name what is learnt, and nothing else.

@@ -28,7 +28,7 @@ fn eyes(pixels: usize) -> Vec<Eye> {
 }
 
 /// A folder with the photographs, the object, and a scene whose cameras are off by two degrees and in what they look at.
-fn scene(folder: &Path, pixels: usize, rest: &str) -> Scene {
+pub(crate) fn scene(folder: &Path, pixels: usize, rest: &str) -> Scene {
     let mut text = "[[meshes]]\nfile = \"object.obj\"\nvertex_color_space = \"linear\"\n\
                     [loss]\nsilhouette = 1.0\n"
         .to_owned();
@@ -56,7 +56,7 @@ fn off(scene: &Scene, view: usize) -> [f64; 2] {
     [eye.angle_between(expected), gaze.angle_between(-expected)].map(f64::to_degrees)
 }
 
-fn bits(fit: &SceneFit) -> Vec<u32> {
+pub(crate) fn bits(fit: &SceneFit) -> Vec<u32> {
     let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
     raw.map(f32::to_bits).collect()
 }

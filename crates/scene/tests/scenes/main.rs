@@ -17,3 +17,4 @@ mod rays;
 mod resuming;
 mod stack;
 mod stages;
+mod stopping;
