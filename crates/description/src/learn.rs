@@ -35,8 +35,8 @@ pub struct Learn {
     pub light_places: Option<LearnNumbers>,
     /// Light from all sides.
     pub environment: Option<LearnNumbers>,
-    /// How much light is multiplied.
-    pub exposure: Option<LearnNumbers>,
+    /// How much light is multiplied: of all views alike, or of each view.
+    pub exposure: Option<LearnExposure>,
     /// The standard deviation of the blur.
     pub blur: Option<LearnNumbers>,
     /// The lens: its aperture or radius, and its focus. What a view gives of its own is learnt of that view. Rates
@@ -50,6 +50,18 @@ pub struct Learn {
 pub struct LearnNumbers {
     /// The learning rate.
     pub rate: Option<Positive>,
+}
+
+/// How exposures are learnt.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnExposure {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// Whether each view learns how its exposure differs from the mean, which stays; by default the exposure of all
+    /// views is learnt.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub per_view: bool,
 }
 
 /// How numbers of meshes are learnt.
@@ -195,6 +207,20 @@ pub struct StopEntry {
     pub seconds: Option<Positive>,
     /// Below this loss.
     pub loss_below: Option<Positive>,
-    /// After so many steps without a smaller loss.
+    /// Ends a stage, and with the last one the fit, after so many steps without a smaller loss.
     pub patience: Option<Count>,
+    /// Ends a stage, and with the last one the fit, by views that are held out.
+    pub held_out: Option<HeldOutEntry>,
+}
+
+/// When views that are held out say that a stage is done.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeldOutEntry {
+    /// They are measured after so many steps each.
+    pub every: Count,
+    /// The stage ends after so many measures that were no better than the best before.
+    pub patience: Count,
+    /// Better is by more decibels of PSNR than this; by default 0.
+    pub gain: Option<NotNegative>,
 }

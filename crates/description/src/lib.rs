@@ -20,7 +20,7 @@ pub use description::{Description, schema};
 pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
-    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, LensNumber,
+    HeldOutEntry, Learn, LearnExposure, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, LensNumber,
     LossEntry, LossKind, Remesh, Stage, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};

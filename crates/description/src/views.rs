@@ -24,6 +24,8 @@ pub struct ViewEntry {
     /// Whether it is measured and never learnt from.
     #[serde(default)]
     pub held_out: bool,
+    /// How much its light is multiplied, in stops, besides the pipeline's exposure; by default 0.
+    pub exposure: Option<Finite>,
     /// The camera.
     pub camera: CameraEntry,
     /// What its lens has in place of the pipeline's numbers.

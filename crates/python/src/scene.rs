@@ -130,7 +130,8 @@ impl SceneFit {
 #[pymethods]
 impl SceneFit {
     /// Does a step. The loss before its update and the milliseconds it took come to the end of the lists: before any signal
-    /// is seen. `False` where all steps are done, or a rule of the scene says stop.
+    /// is seen. `False` where all steps are done, or a rule of the scene says stop: views that are held out are then
+    /// aligned.
     fn step(
         &self,
         py: Python<'_>,
@@ -139,7 +140,12 @@ impl SceneFit {
     ) -> PyResult<bool> {
         let stepped = released(py, || {
             let mut fit = self.fit();
-            if fit.ended().is_some() || fit.is_time_up() { Ok(None) } else { fit.step() }
+            let is_over = fit.ended().is_some() || fit.is_time_up();
+            let stepped = if is_over { None } else { fit.step()? };
+            if stepped.is_none() && fit.aligned_views().next().is_none() {
+                fit.align()?;
+            }
+            Ok::<_, SceneError>(stepped)
         });
         let Some(stepped) = stepped.map_err(Refusal::from)? else { return Ok(false) };
         losses.append(stepped.loss)?;
@@ -193,8 +199,8 @@ impl SceneFit {
         to_array(py, image)
     }
 
-    /// How well a view is matched: PSNR in decibels, SSIM, and the intersection over union of silhouettes, each where there
-    /// is one.
+    /// How well a view is matched: PSNR in decibels, SSIM, the intersection over union of silhouettes, and the PSNR before
+    /// the view was aligned, each where there is one.
     #[pyo3(signature = (view=View::Number(0)))]
     fn score<'py>(&self, py: Python<'py>, view: View) -> PyResult<Bound<'py, PyDict>> {
         let view = view.number(self.fit().scene())?;
@@ -203,6 +209,7 @@ impl SceneFit {
         scores.set_item("psnr", score.psnr)?;
         scores.set_item("ssim", score.ssim)?;
         scores.set_item("silhouette_iou", score.silhouette_iou)?;
+        scores.set_item("psnr_before", score.psnr_before)?;
         Ok(scores)
     }
 

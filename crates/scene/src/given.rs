@@ -106,7 +106,7 @@ fn mesh(object: &Object) -> String {
 }
 
 fn view(view: &SceneView) -> String {
-    let SceneView { name: _, image, mask, color_space, held_out, camera, lens } = view;
+    let SceneView { name: _, image, mask, color_space, held_out, exposure, camera, lens } = view;
     let numbers = crc32fast::hash(format!("{camera:?}").as_bytes());
     let mut digest = format!("camera with checksum {numbers:08x}");
     for (what, file) in [("image", image), ("mask", mask)] {
@@ -116,6 +116,9 @@ fn view(view: &SceneView) -> String {
     }
     if let Some(space) = color_space {
         digest += &format!(", {space:?}");
+    }
+    if *exposure != 0.0 {
+        digest += &format!(", exposure {exposure}");
     }
     if *lens != ViewLens::default() {
         digest += &format!(", {lens:?}");

@@ -219,6 +219,12 @@ impl Scene {
             add(lens.opening.key(), Some(lens.opening.number()));
             add("focus", Some(lens.focus.0));
         }
+        let exposures = self.views.iter().filter(|view| view.exposure != 0.0);
+        let exposures: Map<_, _> =
+            exposures.map(|view| (view.name.clone(), json!(view.exposure))).collect();
+        if !exposures.is_empty() {
+            numbers.insert("exposures".to_owned(), Value::Object(exposures));
+        }
         let lenses = self.views.iter().filter(|view| view.lens != ViewLens::default());
         let lenses = lenses.map(|SceneView { name, lens, .. }| {
             let opening = lens.opening.map(|opening| (opening.key(), opening.number()));

@@ -10,8 +10,8 @@ use crate::error::SceneError;
 use crate::fitting::SceneFit;
 
 impl SceneFit {
-    /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop. `each` is told of
-    /// each step. With rules of a run and other listeners: [`drive`].
+    /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop, and [aligns](SceneFit::align)
+    /// the views that are held out. `each` is told of each step. With rules of a run and other listeners: [`drive`].
     ///
     /// ```no_run
     /// use bokashi_scene::{Scene, SceneFit};
@@ -29,7 +29,8 @@ impl SceneFit {
             each(stepped);
             ControlFlow::Continue(())
         });
-        drive(self, &Rules::default(), &mut [&mut listener]).map(drop)
+        drive(self, &Rules::default(), &mut [&mut listener])?;
+        self.align()
     }
 }
 

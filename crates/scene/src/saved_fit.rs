@@ -6,13 +6,14 @@ use serde::{Deserialize, Serialize};
 use crate::stopping::Seen;
 
 /// The version of what follows.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 /// How far a fit is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Progress {
-    pub(crate) stage: usize,
+    /// How many steps each of the stages did that are done.
+    pub(crate) done: Vec<u64>,
     pub(crate) seen: Seen,
     /// How many steps were done when meshes got other vertices last.
     pub(crate) remeshed: Option<u64>,
@@ -191,7 +192,7 @@ mod tests {
     fn whatever_a_state_is_it_is_a_fits_or_refused() {
         let mut rules = StopRules::new(&StopEntry::default(), Seen::default());
         rules.count(0.1 + 0.2);
-        let progress = Progress { stage: 3, seen: rules.seen(), remeshed: Some(7) };
+        let progress = Progress { done: vec![2, 0, 5], seen: rules.seen(), remeshed: Some(7) };
         let rows = vec![[0.1, -0.0, f32::INFINITY]; 2];
         let faces = vec![[0, 1, u32::MAX]];
         let object = "vase".to_owned();

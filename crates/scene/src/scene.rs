@@ -501,6 +501,7 @@ impl Source {
                 mask,
                 color_space: cameras.color_space.map(color_space),
                 held_out: every.is_some_and(|every| index.is_multiple_of(every)),
+                exposure: 0.0,
                 camera: view.camera,
                 lens: ViewLens::default(),
             });
@@ -525,6 +526,7 @@ impl Source {
             mask: view.mask.clone(),
             color_space: view.color_space.map(color_space),
             held_out: view.held_out,
+            exposure: view.exposure.map_or(0.0, |stops| stops.0),
             lens: view.lens,
         })
     }

@@ -23,6 +23,8 @@ pub struct SceneView {
     pub color_space: Option<ColorSpace>,
     /// Whether it is measured and never learnt from.
     pub held_out: bool,
+    /// How much its light is multiplied, in stops, besides the pipeline's exposure.
+    pub exposure: f64,
     /// The camera.
     pub camera: Camera,
     /// What its lens has in place of the pipeline's numbers.

@@ -5,7 +5,7 @@ use std::time::Instant;
 use bokashi_fit::{LossRules, Losses, Stop};
 use serde::{Deserialize, Serialize};
 
-use crate::description::StopEntry;
+use crate::description::{HeldOutEntry, StopEntry};
 
 /// What the rules of `[stop]` have seen of a fit: it is saved with the fit, which so ends where it would have
 /// ended without an interruption.
@@ -18,6 +18,10 @@ pub(crate) struct Seen {
     least_loss: Option<f64>,
     /// Steps since the least loss.
     waited: u64,
+    /// The best mean PSNR of views that are held out, in the stage.
+    best_psnr: Option<f64>,
+    /// Measures since that.
+    measures_waited: u64,
     /// Seconds of the runs before this one, where the scene limits them: files of two fits that have no such
     /// limit are the same.
     seconds: f64,
@@ -28,6 +32,9 @@ pub(crate) struct Seen {
 pub(crate) struct StopRules {
     rules: LossRules,
     losses: Losses,
+    held_out: Option<HeldOutEntry>,
+    best_psnr: Option<f64>,
+    measures_waited: u64,
     seconds: Option<f64>,
     /// Of the runs before this one.
     seconds_before: f64,
@@ -39,10 +46,13 @@ impl StopRules {
     pub(crate) fn new(stop: &StopEntry, seen: Seen) -> Self {
         let below = stop.loss_below.map(|loss| loss.0);
         let patience = stop.patience.map(|patience| patience.0 as u64);
-        let Seen { last_loss, least_loss, waited, seconds } = seen;
+        let Seen { last_loss, least_loss, waited, best_psnr, measures_waited, seconds } = seen;
         Self {
             rules: LossRules { below, patience },
             losses: Losses { last: last_loss, least: least_loss, waited },
+            held_out: stop.held_out,
+            best_psnr,
+            measures_waited,
             seconds: stop.seconds.map(|seconds| seconds.0),
             seconds_before: seconds,
             started: Instant::now(),
@@ -53,7 +63,8 @@ impl StopRules {
     pub(crate) fn seen(&self) -> Seen {
         let Losses { last, least, waited } = self.losses;
         let seconds = self.seconds.map_or(0.0, |_| self.elapsed());
-        Seen { last_loss: last, least_loss: least, waited, seconds }
+        let Self { best_psnr, measures_waited, .. } = *self;
+        Seen { last_loss: last, least_loss: least, waited, best_psnr, measures_waited, seconds }
     }
 
     /// Of all runs.
@@ -66,9 +77,27 @@ impl StopRules {
         self.losses.count(loss);
     }
 
-    /// Begins a stage, whose losses are others.
+    /// Whether views that are held out are measured after so many steps of a stage.
+    pub(crate) fn measures_after(&self, steps: u64) -> bool {
+        self.held_out.is_some_and(|rule| steps.is_multiple_of(rule.every.0 as u64))
+    }
+
+    /// Counts a measure of the views that are held out: their mean PSNR in decibels.
+    pub(crate) fn measure(&mut self, psnr: f64) {
+        // Pictures that equal their images have no number that files hold.
+        let psnr = psnr.min(f64::MAX);
+        let gain = self.held_out.and_then(|rule| rule.gain).map_or(0.0, |gain| gain.0);
+        if self.best_psnr.is_none_or(|best| psnr > best + gain) {
+            (self.best_psnr, self.measures_waited) = (Some(psnr), 0);
+        } else {
+            self.measures_waited = self.measures_waited.saturating_add(1);
+        }
+    }
+
+    /// Begins a stage, whose losses and pictures are others.
     pub(crate) fn begin_stage(&mut self) {
         self.losses.restart();
+        (self.best_psnr, self.measures_waited) = (None, 0);
     }
 
     /// Whether the time is up that the fit may take. Clocks of several ranks do not agree: one decides.
@@ -76,9 +105,14 @@ impl StopRules {
         self.seconds.is_some_and(|most| self.elapsed() >= most)
     }
 
-    /// The rule that stops the fit after its last step, by losses alone: the same on all ranks.
+    /// The rule that stops the fit, or with [`Stop::NoProgress`] its stage, after its last step: the same on all ranks.
     pub(crate) fn stop(&self) -> Option<Stop> {
-        self.rules.stop(&self.losses)
+        self.rules.stop(&self.losses).or(self.is_held_out_done().then_some(Stop::NoProgress))
+    }
+
+    /// Whether views that are held out became no better for too long.
+    fn is_held_out_done(&self) -> bool {
+        self.held_out.is_some_and(|rule| self.measures_waited >= rule.patience.0 as u64)
     }
 
     /// [`StopRules::stop`] in words.
@@ -89,9 +123,12 @@ impl StopRules {
             (Stop::LossBelow, Some(below), Some(last), _) => {
                 Some(format!("`stop.loss_below` is {below}, and the last loss was {last:.3e}"))
             }
-            (_, _, _, patience) => Some(format!(
-                "no smaller loss came in {waited} steps, and `stop.patience` is {}",
-                patience?
+            (.., Some(patience)) if waited >= patience => Some(format!(
+                "no smaller loss came in {waited} steps, and `stop.patience` is {patience}"
+            )),
+            _ => Some(format!(
+                "held-out views became no better in {} measures, and `stop.held_out.patience` is {}",
+                self.measures_waited, self.held_out?.patience.0
             )),
         }
     }
@@ -100,7 +137,7 @@ impl StopRules {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{Count, Positive};
+    use crate::description::{Count, NotNegative, Positive};
 
     /// How many of these losses are counted until the rules end the fit, which is saved and resumed after
     /// each so many steps.
@@ -161,5 +198,49 @@ mod tests {
                 .ended()
                 .is_some_and(|message| message.starts_with("no smaller loss came in 2 steps"))
         );
+    }
+
+    #[test]
+    fn held_out_views_end_a_stage_where_they_became_no_better_by_enough_for_too_long() {
+        let measures = [20.0, 22.0, 22.4, 22.5, 22.5, 22.9, 22.0, 22.0, 30.0];
+        let end = |patience, gain: f64| {
+            let rule = HeldOutEntry {
+                every: Count(10),
+                patience: Count(patience),
+                gain: (gain > 0.0).then_some(NotNegative(gain)),
+            };
+            let stop = StopEntry { held_out: Some(rule), ..StopEntry::default() };
+            let mut rules = StopRules::new(&stop, Seen::default());
+            assert!(rules.measures_after(20) && !rules.measures_after(21));
+            measures.iter().position(|&psnr| {
+                let text = serde_json::to_string(&rules.seen()).unwrap();
+                rules = StopRules::new(&stop, serde_json::from_str(&text).unwrap());
+                rules.measure(psnr);
+                let words = "held-out views became no better in ";
+                let is_said = rules.ended().is_some_and(|ended| ended.starts_with(words));
+                assert_eq!(is_said, rules.stop().is_some());
+                is_said
+            })
+        };
+        // The same again is no better; and gains are of the best before, not of the last.
+        assert_eq!((end(1, 0.0), end(2, 0.0), end(3, 0.0)), (Some(4), Some(7), None));
+        assert_eq!((end(1, 0.45), end(2, 0.45), end(3, 0.45)), (Some(2), Some(4), Some(7)));
+        let mut none = StopRules::new(&StopEntry::default(), Seen::default());
+        assert!(!none.measures_after(0));
+        [1.0; 9].into_iter().for_each(|psnr| none.measure(psnr));
+        assert_eq!(none.stop(), None);
+    }
+
+    #[test]
+    fn a_stage_measures_from_its_own_pictures() {
+        let rule = HeldOutEntry { every: Count(1), patience: Count(1), gain: None };
+        let stop = StopEntry { held_out: Some(rule), ..StopEntry::default() };
+        let mut rules = StopRules::new(&stop, Seen::default());
+        [30.0, 30.0].into_iter().for_each(|psnr| rules.measure(psnr));
+        assert!(rules.stop().is_some());
+        rules.begin_stage();
+        assert_eq!(rules.stop(), None);
+        rules.measure(20.0);
+        assert_eq!(rules.stop(), None);
     }
 }

@@ -90,6 +90,7 @@ impl Scene {
             name: format!("{k}"),
             image: None,
             mask: None,
+            exposure: 0.0,
             camera: Camera { view: circle.view(k as f64 / count as f64), ..widest.camera },
             ..widest.clone()
         });

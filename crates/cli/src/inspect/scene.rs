@@ -42,6 +42,11 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
         whole.fact("environment", format!("6 x {side} x {side} texels"), side);
     }
     add_lens(&mut whole, &scene);
+    let exposed = scene.views.iter().filter(|view| view.exposure != 0.0).count();
+    if exposed > 0 {
+        let text = format!("{} with exposures of their own", count(exposed, "view"));
+        whole.fact("exposures", text, exposed);
+    }
     whole.plain("seed", description.seed);
     let (center, radius) = scene.ball();
     let text = format!("around {}, radius {}", numbers(center.to_array()), number(radius));
@@ -181,7 +186,12 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         section.fact(key, format!("{text} (unit: {unit})"), json!(rate));
     }
     findings.named("learnt", section);
-    if description.learn.cameras.is_some() && scene.views.iter().any(|view| view.held_out) {
+    let lens = description.learn.lens.as_ref();
+    let exposure = description.learn.exposure.as_ref();
+    let is_of_views = description.learn.cameras.is_some()
+        || exposure.is_some_and(|exposure| exposure.per_view)
+        || lens.is_some_and(|lens| !lens.per_view.is_empty());
+    if is_of_views && scene.views_with_image(true).next().is_some() {
         findings.note(HELD_OUT);
     }
     let stages = description.stages.as_slice();

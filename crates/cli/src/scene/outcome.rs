@@ -6,9 +6,9 @@ use bokashi_scene::Tensor;
 use bokashi_scene::{SceneFit, ViewScore};
 use serde_json::{Map, Value, json};
 
-/// Of views that are held out, where cameras are learnt.
-pub(crate) const HELD_OUT: &str = "Views that are held out keep the cameras of the scene's file: `learn.cameras` moves \
-     the others, and scores of held-out views have the error of their cameras in them.";
+/// Of views that are held out, where something is learnt of each view.
+pub(crate) const HELD_OUT: &str = "What is learnt of each view, as its camera, is fitted to the images of held-out views \
+     at the end, with everything else still, before they are scored.";
 
 /// A parameter's numbers are listed up to so many; of more, their norm.
 const MOST_LISTED: usize = 16;
@@ -130,17 +130,33 @@ impl Outcome {
         (all.len() > WORST).then(|| format!("Worst views: {named}."))
     }
 
-    /// What a score of a view that is held out means where cameras are learnt.
-    fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
-        let scene = fit.scene();
-        let is_held_out = scene.views.iter().any(|view| view.held_out);
-        (is_held_out && scene.description.learn.cameras.is_some()).then_some(HELD_OUT)
+    /// That views were aligned, in words, and what it did to their scores.
+    fn aligned_in_words(&self) -> Option<String> {
+        let aligned: Vec<_> = self
+            .scores
+            .iter()
+            .filter_map(|score| Some([score.psnr_before?, score.psnr?]))
+            .collect();
+        if aligned.is_empty() {
+            return None;
+        }
+        let count = aligned.len();
+        let [before, after] =
+            [0, 1].map(|k| aligned.iter().map(|psnr| psnr[k]).sum::<f64>() / count as f64);
+        let views = if count == 1 { "1 held-out view was" } else { "held-out views were" };
+        let views = if count == 1 { views.to_owned() } else { format!("{count} {views}") };
+        Some(format!(
+            "{views} aligned with the images before scores were made: {before:.1} dB before, {after:.1} dB after."
+        ))
     }
 
     /// What else to know of the fit, in sentences.
     pub(super) fn remarks(&self, fit: &SceneFit) -> impl Iterator<Item = String> {
+        let shortened = fit.shortened_stages().map(|(stage, [done, steps])| {
+            format!("Stage {} ended by a rule of `[stop]`, after {done} of {steps} steps.", stage + 1)
+        });
+        let shortened: Vec<_> = shortened.collect();
         let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
-        let held_out = self.held_out_in_words(fit).map(str::to_owned);
         let overlaps: Vec<_> = self
             .scores
             .iter()
@@ -149,8 +165,8 @@ impl Outcome {
             })
             .collect();
         let overlap = overlap_in_words(&overlaps);
-        let all = [ended, self.fell_in_words(), overlap, self.worst_in_words(fit), held_out];
-        all.into_iter().flatten()
+        let all = [ended, self.fell_in_words(), overlap, self.worst_in_words(fit), self.aligned_in_words()];
+        shortened.into_iter().chain(all.into_iter().flatten())
     }
 
     pub(super) fn json(&self, fit: &SceneFit) -> Value {
@@ -172,6 +188,7 @@ impl Outcome {
                 "psnr": score.psnr.filter(|psnr| psnr.is_finite()),
                 "ssim": score.ssim,
                 "silhouette_iou": score.silhouette_iou,
+                "psnr_before_alignment": score.psnr_before.filter(|psnr| psnr.is_finite()),
             })
         });
         let left_out = self

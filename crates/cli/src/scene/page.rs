@@ -41,7 +41,7 @@ pub(super) fn page(
         heading: fit.scene().path.display().to_string(),
         introduction: words.join(" "),
         sections: vec![
-            errors(curves),
+            errors(fit, curves),
             motion,
             views(fit, outcome),
             mesh,
@@ -53,13 +53,17 @@ pub(super) fn page(
     }
 }
 
-fn errors(curves: &Curves) -> Section {
+fn errors(fit: &SceneFit, curves: &Curves) -> Section {
     let panel = |title: &str, y: Scale, points: &[(f64, f64)]| {
         let curve = Curve::line(0, Stroke::Solid, points.iter().copied());
         Figure::new(title, (Scale::Seconds, "wall-clock time"), y, [curve])
     };
+    let held_out = match fit.aligned_views().next() {
+        None => "PSNR of held-out views, in dB",
+        Some(_) => "PSNR of held-out views before they were aligned, in dB",
+    };
     let panels = [
-        panel("PSNR of held-out views, in dB", Scale::Linear, &curves.held_out),
+        panel(held_out, Scale::Linear, &curves.held_out),
         panel("Loss", Scale::Logarithmic, &curves.losses),
     ];
     let mut section = Section::new("error", "Error against run time", "");
@@ -85,7 +89,11 @@ fn views(fit: &SceneFit, outcome: &Outcome) -> Section {
             score.silhouette_iou.map(|iou| format!("IoU {iou:.4}")),
         ];
         let scores = scores.into_iter().flatten().collect::<Vec<_>>().join(", ");
-        let held_out = if view.held_out { ", held out" } else { "" };
+        let held_out = match (view.held_out, score.psnr_before) {
+            (true, Some(_)) => ", held out, aligned",
+            (true, None) => ", held out",
+            _ => "",
+        };
         let colon = if scores.is_empty() { "" } else { ": " };
         let count = if view.image.is_some() { KINDS.len() } else { 1 };
         let pictures = KINDS[..count].iter().map(|what| Captioned {

@@ -80,7 +80,8 @@ impl Results<'_> {
             first: first.to_vec(),
             scores,
             left_out,
-            fell: fall(&record.stage_losses),
+            // More steps are no advice where a rule ended them.
+            fell: fall(&record.stage_losses).filter(|_| fit.ended().is_none()),
         };
         if let Some(page) = self.page {
             page.show(fit, Some(Ended::Done(outcome.message())))?;

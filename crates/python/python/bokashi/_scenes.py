@@ -202,7 +202,11 @@ class Fit(_Run):
         return Picture(self._fit.render(view, reduce))
 
     def score(self, view: int | str = 0) -> dict[str, float | None]:
-        """How well a view is matched: "psnr" in decibels, "ssim", "silhouette_iou"; `None` where there is no number."""
+        """How well a view is matched: "psnr" in decibels, "ssim", "silhouette_iou"; `None` where there is no number.
+
+        What is learnt of each view, as its camera, is fitted to the images of held-out views when the fit ends:
+        "psnr_before" is how such a view was matched before that.
+        """
         return self._fit.score(view)
 
     def save(self, path: Path) -> None:

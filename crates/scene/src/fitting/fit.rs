@@ -9,9 +9,10 @@ use bokashi_fit::{
     check_alike, check_same, saved,
 };
 
+use super::alignment::Aligned;
 use super::remeshing::{check_remeshing, remeshed};
 use super::stage::{
-    StagePipeline, check_stages, set_rates, settings, stages, views_of, views_per_step,
+    StagePipeline, check_held_out, check_stages, set_rates, settings, stages, views_of, views_per_step,
     views_to_learn_from,
 };
 use super::starts::{Search, Start};
@@ -36,8 +37,8 @@ pub struct SceneFit {
     pub(super) targets: Arc<Targets>,
     /// The views that are learnt from.
     learnt_from: Arc<[usize]>,
-    stages: Vec<Stage>,
-    stage: usize,
+    pub(super) stages: Vec<Stage>,
+    pub(super) stage: usize,
     pub(super) fit: Fit<f32>,
     pipeline: StagePipeline,
     pub(super) rates: Vec<LearntRate>,
@@ -50,6 +51,8 @@ pub struct SceneFit {
     changed: Vec<String>,
     /// Which starts of poses were taken, in words.
     starts: Vec<String>,
+    /// What was aligned since the last step.
+    pub(super) aligned: Option<Aligned>,
 }
 
 /// What a fit goes on with whose meshes got other vertices.
@@ -147,9 +150,10 @@ impl SceneFit {
         let description = &scene.description;
         let stages = stages(description);
         check_remeshing(&scene, &stages)?;
+        check_held_out(&scene)?;
         let (progress, surfaces, from) = saved_fit::read_file(saved_fit)?;
         let (rules, seed) = (StopRules::new(&description.stop, progress.seen), description.seed);
-        let stage = progress.stage;
+        let stage = progress.done.len();
         let Some(first) = stages.get(stage).cloned() else {
             let rule = format!("one of the scene's {} stages", stages.len());
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
@@ -171,7 +175,7 @@ impl SceneFit {
         set_rates(fit.parameters_mut(), &rates, &first)?;
         fit.set_settings(settings)?;
         let pipeline = StagePipeline {
-            stage,
+            done: progress.done,
             views: views_of(&renderer, &targets, &learnt_from, &first, seed)
                 .among(Arc::clone(&ranks)),
             regularizers: regularizers.into(),
@@ -194,6 +198,7 @@ impl SceneFit {
             from,
             changed: Vec::new(),
             starts: Vec::new(),
+            aligned: None,
         })
     }
 
@@ -240,12 +245,23 @@ impl SceneFit {
     /// The rule of the scene's `[stop]` that ended the fit with its last step, in words, but for those of
     /// steps and of time. [`SceneFit::step`] goes on all the same.
     pub fn ended(&self) -> Option<String> {
+        self.rule()?;
         self.pipeline.rules.ended()
     }
 
     /// [`SceneFit::ended`], not in words.
     pub(crate) fn rule(&self) -> Option<Stop> {
-        self.pipeline.rules.stop()
+        let is_last = self.stage + 1 == self.stages.len();
+        // Without progress an earlier stage ends, and the next one follows.
+        self.pipeline.rules.stop().filter(|&stop| is_last || stop != Stop::NoProgress)
+    }
+
+    /// The stages that a rule of the scene's `[stop]` ended early, by their indices: how many steps they did, of how
+    /// many. But for the last one: see [`SceneFit::ended`].
+    pub fn shortened_stages(&self) -> impl Iterator<Item = (usize, [u64; 2])> + '_ {
+        let stages = self.stages.iter().map(|stage| stage.steps.0 as u64);
+        let pairs = self.pipeline.done.iter().zip(stages).map(|(&done, steps)| [done, steps]);
+        pairs.enumerate().filter(|(_, [done, steps])| done < steps)
     }
 
     /// Whether all runs of the fit together took the seconds that the scene gives it. Clocks of ranks do not
@@ -264,23 +280,24 @@ impl SceneFit {
         self.fit.parameters()
     }
 
-    /// The scene with what was learnt in the place of its own numbers.
+    /// The scene with what was learnt in the place of its own numbers, and of views that are
+    /// [aligned](SceneFit::align) what is their own.
     ///
     /// # Errors
     /// None: those of a parameter that is no number of the scene.
     pub fn learnt(&self) -> Result<Scene, SceneError> {
-        self.renderer.with_values(self.fit.parameters())
+        self.renderer.with_values(self.shown())
     }
 
     /// How many steps are done, of all stages.
     pub fn steps_done(&self) -> u64 {
-        let before = self.stages[..self.stage].iter().map(|stage| stage.steps.0 as u64);
-        before.sum::<u64>() + self.fit.steps_done()
+        self.pipeline.done.iter().sum::<u64>() + self.fit.steps_done()
     }
 
-    /// How many steps there are, of all stages.
+    /// How many steps there are, of all stages: of those that are done, the steps that they did.
     pub fn steps(&self) -> u64 {
-        self.stages.iter().map(|stage| stage.steps.0 as u64).sum()
+        let rest = self.stages[self.stage..].iter().map(|stage| stage.steps.0 as u64);
+        self.pipeline.done.iter().copied().chain(rest).sum()
     }
 
     /// The stage of the next step, from 0.
@@ -308,9 +325,11 @@ impl SceneFit {
     ///
     /// # Errors
     /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were. After every
-    /// hundredth step, [`FitError::Apart`] where ranks have come apart: then they are those after the step.
+    /// hundredth step, [`FitError::Apart`] where ranks have come apart, and where held-out views are measured what is
+    /// wrong with their images: then parameters are those after the step.
     pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
-        if self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64 {
+        self.aligned = None;
+        if self.is_stage_over() {
             if self.stage + 1 == self.stages.len() {
                 return Ok(None);
             }
@@ -319,7 +338,9 @@ impl SceneFit {
         self.remesh_if_due()?;
         let stepped = self.fit.step(&mut self.pipeline)?;
         self.pipeline.rules.count(stepped.loss);
+        let measured = self.measure_if_due();
         self.fit.keep_state(&self.pipeline);
+        measured?;
         if self.steps_done().is_multiple_of(BETWEEN_CHECKS) {
             self.check_same()?;
         }
@@ -334,7 +355,28 @@ impl SceneFit {
         Ok(check_same(&*self.ranks, self.fit.parameters(), self.steps_done())?)
     }
 
+    /// Whether the stage has done its steps, or one before the last is ended by a rule.
+    fn is_stage_over(&self) -> bool {
+        let is_last = self.stage + 1 == self.stages.len();
+        self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64
+            || !is_last && self.pipeline.rules.stop() == Some(Stop::NoProgress)
+    }
+
+    /// Measures the views that are held out for a rule of the scene's `[stop]`, where it is their turn.
+    ///
+    /// # Errors
+    /// As [`SceneFit::align`], and what is wrong with an image. The step is done then.
+    fn measure_if_due(&mut self) -> Result<(), SceneError> {
+        if self.pipeline.rules.measures_after(self.fit.steps_done()) {
+            let reduce = self.stages[self.stage].reduce.map_or(1, |reduce| reduce.0);
+            let psnr = self.held_out_psnr(reduce)?;
+            self.pipeline.rules.measure(psnr);
+        }
+        Ok(())
+    }
+
     fn next_stage(&mut self) -> Result<(), SceneError> {
+        self.pipeline.done.push(self.fit.steps_done());
         self.stage += 1;
         let next = &self.stages[self.stage];
         let mut parameters = self.fit.parameters().clone();
@@ -343,7 +385,6 @@ impl SceneFit {
         self.fit = Fit::new(parameters, settings(next))?;
         self.targets.forget();
         let seed = self.scene().description.seed;
-        self.pipeline.stage = self.stage;
         self.pipeline.views =
             views_of(&self.renderer, &self.targets, &self.learnt_from, next, seed)
                 .among(Arc::clone(&self.ranks));

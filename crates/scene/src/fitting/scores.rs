@@ -19,14 +19,17 @@ pub struct ViewScore {
     pub ssim: Option<f64>,
     /// Intersection over union of the silhouettes, where the view has a mask.
     pub silhouette_iou: Option<f64>,
+    /// The PSNR before the view was aligned, if it was: see [`SceneFit::align`].
+    pub psnr_before: Option<f64>,
 }
 
 impl ViewScore {
-    /// Of three numbers, each after a byte that says whether it is one.
-    const BYTES: usize = 3 * 9;
+    /// Of four numbers, each after a byte that says whether it is one.
+    const BYTES: usize = 4 * 9;
 
     fn to_bytes(self) -> Vec<u8> {
-        let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
+        let Self { view: _, psnr, ssim, silhouette_iou, psnr_before } = self;
+        let numbers = [psnr, ssim, silhouette_iou, psnr_before].into_iter();
         let flagged = |number: Option<f64>| {
             [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
         };
@@ -38,7 +41,8 @@ impl ViewScore {
             (1, bytes) => bytes.first_chunk().map(|&bytes| f64::from_le_bytes(bytes)),
             _ => None,
         };
-        Self { view, psnr: number(0), ssim: number(1), silhouette_iou: number(2) }
+        let [psnr, ssim, silhouette_iou, psnr_before] = [0, 1, 2, 3].map(number);
+        Self { view, psnr, ssim, silhouette_iou, psnr_before }
     }
 }
 
@@ -93,6 +97,27 @@ impl SceneFit {
         Ok(pairs.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
     }
 
+    /// The mean PSNR in decibels of the views that are held out, aligned, smaller `reduce` times along each axis.
+    /// Ranks share it.
+    ///
+    /// # Errors
+    /// As [`SceneFit::align`] and [`SceneFit::score`].
+    pub(super) fn held_out_psnr(&mut self, reduce: usize) -> Result<f64, SceneError> {
+        self.align()?;
+        let views: Vec<_> = self.scene().views_with_image(true).collect();
+        let range = block(views.len(), self.ranks.rank(), self.ranks.size());
+        let ratio = |&view: &usize| {
+            let (picture, target) = (self.picture(view, reduce)?, self.target(view, reduce)?);
+            Ok(psnr(&picture, &target, 1.0).map_err(FitError::from)?)
+        };
+        let ratios: Result<Vec<f64>, SceneError> = views[range].iter().map(ratio).collect();
+        let bytes = ratios.map(|all| all.into_iter().flat_map(f64::to_le_bytes).collect());
+        let all = agree(&*self.ranks, bytes)?.concat();
+        self.aligned = None;
+        let sum: f64 = all.as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).sum();
+        Ok(sum / views.len() as f64)
+    }
+
     /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
     ///
     /// # Errors
@@ -100,7 +125,9 @@ impl SceneFit {
     pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
         let all = self.drawn(view, 1)?;
         let image = colors(&all);
-        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
+        let psnr_before = self.aligned.as_ref().and_then(|aligned| aligned.psnr_before(view));
+        let mut score =
+            ViewScore { view, psnr: None, ssim: None, silhouette_iou: None, psnr_before };
         if self.scene().views[view].image.is_none() {
             return Ok(SeenView { score, image, target: None });
         }
@@ -137,7 +164,7 @@ impl SceneFit {
     /// A view as it is seen, with a fourth channel that is 1 where the objects are.
     fn drawn(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
         let tape = Tape::new();
-        let mut still = self.fit.parameters().clone();
+        let mut still = self.shown().clone();
         for LearntRate { name, .. } in &self.rates {
             still.set_rate(name, 0.0)?;
         }

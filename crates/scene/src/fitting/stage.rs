@@ -16,7 +16,7 @@ use crate::renderer::Renderer;
 use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
-use crate::targets::{HUBER, Targets, fit_error};
+use crate::targets::{HUBER, Target, Targets, fit_error};
 
 /// Steps of a fit that does not say.
 const STEPS: usize = 1000;
@@ -30,7 +30,8 @@ pub(super) type Loss = Box<
 
 /// One stage's steps.
 pub(super) struct StagePipeline {
-    pub(super) stage: usize,
+    /// How many steps each of the stages did that are done.
+    pub(super) done: Vec<u64>,
     pub(super) views: Views<f32, Loss>,
     pub(super) regularizers: Arc<[Regularizer]>,
     pub(super) rules: StopRules,
@@ -50,8 +51,8 @@ impl Pipeline<f32> for StagePipeline {
     }
 
     fn save_state(&self, state: &mut Vec<u8>) {
-        let Self { stage, remeshed, .. } = *self;
-        let progress = Progress { stage, seen: self.rules.seen(), remeshed };
+        let Self { remeshed, .. } = *self;
+        let progress = Progress { done: self.done.clone(), seen: self.rules.seen(), remeshed };
         progress.write(&self.surfaces, &self.origin, state);
     }
 
@@ -97,6 +98,16 @@ pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneEr
         return Err(SceneError::content(Location::new(&scene.path), message));
     }
     Ok(views)
+}
+
+/// A rule of views that are held out has some to measure.
+pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
+    if scene.description.stop.held_out.is_none() || scene.views_with_image(true).next().is_some() {
+        return Ok(());
+    }
+    let rule = "`stop.held_out` measures views with an image that are held out";
+    let message = format!("{rule}, and none of {} views is one", scene.views.len());
+    Err(SceneError::content(Location::new(&scene.path), message))
 }
 
 /// Stages name what is learnt, and nothing else.
@@ -166,6 +177,15 @@ pub(super) fn views_of(
     views(count, loss).per_step(per_step).seed(seed)
 }
 
+/// Whether a step ended in a number that is not finite.
+pub(super) fn is_not_finite(error: &FitError) -> bool {
+    match error {
+        FitError::NotFinite { .. } => true,
+        FitError::View { error, .. } => is_not_finite(error),
+        _ => false,
+    }
+}
+
 /// How far a view is from its image.
 pub(super) fn loss_of_view<'t>(
     renderer: &Renderer,
@@ -175,7 +195,19 @@ pub(super) fn loss_of_view<'t>(
     reduce: usize,
 ) -> Result<Var<'t, f32>, FitError> {
     let target = targets.get(view, reduce).map_err(fit_error)?;
-    let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
+    loss_of_target(renderer, &target, targets.has_mask(view), values, view, reduce)
+}
+
+/// How far a view is from `target`, its image; `has_mask` compares silhouettes, too.
+pub(super) fn loss_of_target<'t>(
+    renderer: &Renderer,
+    target: &Target,
+    has_mask: bool,
+    values: &Values<'t, '_>,
+    view: usize,
+    reduce: usize,
+) -> Result<Var<'t, f32>, FitError> {
+    let drawn = renderer.draw_again(values, view, reduce, has_mask)?;
     if let Some(loss) = &target.loss {
         return Ok(drawn.light()?.map(|light| renderer.toned(light))?.loss(loss)?);
     }

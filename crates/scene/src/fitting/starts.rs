@@ -23,7 +23,7 @@ use bokashi_fit::{
 };
 use glam::{DQuat, DVec3};
 
-use super::stage::loss_of_view;
+use super::stage::{is_not_finite, loss_of_view};
 use crate::error::SceneError;
 use crate::learnables::{POSE, Values};
 use crate::renderer::Renderer;
@@ -206,15 +206,6 @@ impl<'a> Search<'a> {
             }
         }
         Ok(best)
-    }
-}
-
-/// Whether a step ended in a number that is not finite.
-fn is_not_finite(error: &FitError) -> bool {
-    match error {
-        FitError::NotFinite { .. } => true,
-        FitError::View { error, .. } => is_not_finite(error),
-        _ => false,
     }
 }
 

@@ -8,7 +8,8 @@ use bokashi_render_ops::RenderError;
 
 use super::frame::Frame;
 use crate::description::{
-    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, Positive,
+    Learn, LearnExposure, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose,
+    LearnVertices, Positive,
 };
 use crate::error::{Location, SceneError};
 use crate::object::Object;
@@ -26,6 +27,8 @@ pub(crate) struct Learnable {
     /// What `[learn]` says of it.
     pub(crate) entry: fn(&Learn) -> Option<Entry<'_>>,
     pub(super) subjects: Subjects,
+    /// Whether its value has a row for each view.
+    pub(crate) has_rows_of_views: bool,
     /// What of a view it changes besides colours.
     pub(crate) moves: Moves,
     /// From raw numbers to values. A start lies at least `margin` inside its range.
@@ -86,6 +89,7 @@ impl Learnable {
             name: key,
             entry: |_| None,
             subjects,
+            has_rows_of_views: false,
             moves: Moves::Nothing,
             mapping: Mapping::Identity,
             margin: 1e-3,
@@ -124,6 +128,14 @@ impl Learnable {
                 let names = scene.views.iter().map(|view| view.name.clone());
                 std::iter::once(String::new()).chain(names).collect()
             }
+        }
+    }
+
+    /// The name of the parameter that has what a view has of its own; `None` of what views share.
+    pub(crate) fn own_name(&self, scene: &Scene, view: usize) -> Option<String> {
+        match self.subjects {
+            Subjects::Views => Some(self.parameter_name(&scene.views[view].name)),
+            _ => self.has_rows_of_views.then(|| self.parameter_name("")),
         }
     }
 
@@ -226,6 +238,12 @@ fn number(rate: Option<Positive>) -> Option<f64> {
 
 impl<'l> From<&'l LearnNumbers> for Entry<'l> {
     fn from(entry: &'l LearnNumbers) -> Self {
+        Self { rate: number(entry.rate), ..Self::default() }
+    }
+}
+
+impl<'l> From<&'l LearnExposure> for Entry<'l> {
+    fn from(entry: &'l LearnExposure) -> Self {
         Self { rate: number(entry.rate), ..Self::default() }
     }
 }

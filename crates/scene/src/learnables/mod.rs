@@ -5,6 +5,7 @@
 //! number learnable: add its table to [`Learn`](crate::description::Learn), a row to `table.rs` and to
 //! `docs/scene.md`, and let the renderer ask [`Values`] for the number.
 
+mod exposure;
 mod frame;
 mod learnable;
 mod lens;
@@ -16,7 +17,7 @@ mod values;
 pub(crate) use self::frame::{Frame, scaled_intrinsics};
 pub(crate) use self::learnable::{Learnable, Moves};
 pub(crate) use self::table::{
-    BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, EXPOSURE, INTRINSICS, LIGHT_COLORS,
+    BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, INTRINSICS, LIGHT_COLORS,
     LIGHT_PLACES, METALLIC, POSE, ROUGHNESS, TABLE, TEXTURE, VERTICES,
 };
 pub use self::table::{LearntKey, learnt_keys};

@@ -3,6 +3,7 @@
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::Mapping;
 
+use super::exposure::{EXPOSURE, EXPOSURES};
 use super::frame::scaled_intrinsics;
 use super::learnable::{Entry, Learnable, Moves, Subjects};
 use super::lens::{APERTURE, FOCUS, RADIUS};
@@ -12,7 +13,7 @@ use crate::object::SurfaceMaterial;
 use crate::scene::Scene;
 
 /// All rows.
-pub(crate) static TABLE: [&Learnable; 17] = [
+pub(crate) static TABLE: [&Learnable; 18] = [
     &VERTICES,
     &COLORS,
     &TEXTURE,
@@ -26,6 +27,7 @@ pub(crate) static TABLE: [&Learnable; 17] = [
     &LIGHT_PLACES,
     &ENVIRONMENT,
     &EXPOSURE,
+    &EXPOSURES,
     &BLUR,
     &APERTURE,
     &RADIUS,
@@ -53,7 +55,7 @@ pub fn learnt_keys(learn: &Learn) -> Vec<LearntKey> {
         Some(LearntKey { key: row.key, rate: entry.rate, usual_rate, unit })
     });
     let mut keys: Vec<_> = keys.collect();
-    // The numbers of a lens are in one table.
+    // The numbers of a lens, and exposures, are in one table.
     keys.dedup();
     keys
 }
@@ -143,6 +145,7 @@ pub(crate) static POSE: Learnable = Learnable {
 /// moves the picture and what changes its size are then different numbers.
 pub(crate) static CAMERAS: Learnable = Learnable {
     entry: |learn| learn.cameras.as_ref().map(Entry::from),
+    has_rows_of_views: true,
     moves: Moves::Vertices,
     unit: MOTION,
     start: |scene, _| Some(Tensor::zeros([scene.views.len(), 6])),
@@ -255,18 +258,6 @@ pub(crate) static ENVIRONMENT: Learnable = Learnable {
         Ok(())
     },
     ..light("environment", Subjects::Scene)
-};
-
-/// The exposure in stops, a number.
-pub(crate) static EXPOSURE: Learnable = Learnable {
-    entry: |learn| learn.exposure.as_ref().map(Entry::from),
-    unit: "stops",
-    start: |scene, _| number(scene.description.pipeline.exposure.map_or(0.0, |stops| stops.0)),
-    apply: |scene, _, stops, _| {
-        scene.description.pipeline.exposure = Some(Finite(stops.item().into()));
-        Ok(())
-    },
-    ..Learnable::new("exposure", Subjects::Scene, 0.02)
 };
 
 /// The standard deviation of the blur in pixels, a number.

@@ -93,9 +93,21 @@ fn cases(folder: &Path) -> Vec<(Arc<Renderer>, &'static Learnable)> {
     let own = Arc::new(scene_with(folder, "name = \"front\"", of_views));
     let per_view = "[learn.lens]\nper_view = [\"focus\"]";
     let each = Arc::new(scene_with(folder, "[learn.lens]", per_view));
+    let exposed = "name = \"front\"\nexposure = 0.5";
+    let exposures = Arc::new(scene_with(folder, "name = \"front\"", exposed));
+    let per_view = "[learn.exposure]\nper_view = true";
+    let each_exposure = Arc::new(scene_with(folder, "[learn.exposure]", per_view));
     let mut cases = Vec::new();
     for row in TABLE {
-        cases.push((Arc::clone(if row.name == "radius" { &radius } else { &usual }), row));
+        let first = match row.name {
+            "radius" => &radius,
+            "exposures" => &each_exposure,
+            _ => &usual,
+        };
+        cases.push((Arc::clone(first), row));
+        if row.name == "exposure" {
+            cases.push((Arc::clone(&exposures), row));
+        }
         if row.key == "lens" && row.name != "radius" {
             cases.extend([&own, &each].map(|renderer| (Arc::clone(renderer), row)));
         }
@@ -169,6 +181,7 @@ fn numbers(scene: &Scene) -> Vec<f64> {
     let lens = pipeline.lens.unwrap();
     all.extend([pipeline.exposure.unwrap().0, pipeline.blur.unwrap().0]);
     all.extend([lens.opening.number(), lens.focus.0]);
+    all.extend(scene.views.iter().map(|view| view.exposure));
     for view in &scene.views {
         all.push(view.lens.opening.unwrap_or(lens.opening).number());
         all.push(view.lens.focus.unwrap_or(lens.focus).0);

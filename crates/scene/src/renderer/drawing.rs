@@ -20,7 +20,7 @@ use super::parts::Parts;
 use super::view_camera::{StepCamera, ViewCamera};
 use crate::description::{CullName, KernelName, SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
-use crate::learnables::{BLUR, EXPOSURE, Frame, Learnable, Moves, Recorded, TABLE, Values};
+use crate::learnables::{BLUR, Frame, Learnable, Moves, Recorded, TABLE, Values};
 use crate::scene::Scene;
 
 /// A scene, ready to be drawn: what no step changes is worked out once.
@@ -254,7 +254,8 @@ impl Renderer {
             }
         };
         let eye = step_camera.eye()?;
-        let mut lit = self.lit(values, interpolated, [world, eye], layers, with_mask)?;
+        let stops = values.stops(&self.scene, view)?;
+        let mut lit = self.lit(values, interpolated, [world, eye], layers, (stops, with_mask))?;
         let behind = lit.split_off(1);
         let visible = lit.swap_remove(0);
         let background = self.behind(if with_mask { 4 } else { 3 });
@@ -298,14 +299,14 @@ impl Renderer {
         Ok(picture.map_or(0, |picture| picture.capped))
     }
 
-    /// Layers with their light.
+    /// Layers with their light, multiplied by some stops; `with_mask` adds a fourth channel of 1.
     fn lit<'t>(
         &self,
         values: &Values<'t, '_>,
         interpolated: Interpolated<'t, '_>,
         [world, eye]: [Var<'t, f32>; 2],
         layers: Vec<Fragments<'t, f32>>,
-        with_mask: bool,
+        (stops, with_mask): (Option<Var<'t, f32>>, bool),
     ) -> Result<Vec<Layer<'t>>, FitError> {
         let channels = if with_mask { 4 } else { 3 };
         let lit = layers.into_iter().enumerate().map(|(k, fragments)| {
@@ -314,7 +315,14 @@ impl Renderer {
                 1 => values.tape.constant_full([fragments.coverage.count(), channels], 0.0),
                 _ => {
                     let light = self.light(values, interpolated, world, eye, &fragments)?;
-                    self.exposed(values, light, with_mask)?
+                    let light = stops.map_or(Ok(light), |stops| exposure(light, stops))?;
+                    match with_mask {
+                        true => {
+                            let ones = values.tape.constant_full([light.shape()[0], 1], 1.0);
+                            Var::concat(&[light, ones], 1)?
+                        }
+                        false => light,
+                    }
                 }
             };
             Ok(Layer { fragments, light })
@@ -381,27 +389,6 @@ impl Renderer {
             layers.extend(depth_layers(clip, self.parts.assembly.mesh(), options, most)?);
         }
         Ok(layers)
-    }
-
-    /// Light, `[N, 3]`, multiplied as the scene says; `with_mask` adds a fourth channel of 1.
-    fn exposed<'t>(
-        &self,
-        values: &Values<'t, '_>,
-        light: Var<'t, f32>,
-        with_mask: bool,
-    ) -> Recorded<'t> {
-        let light = match self.scene.description.pipeline.exposure {
-            None if values.learnt(&EXPOSURE, "").is_none() => light,
-            stops => {
-                let stops = stops.map_or(0.0, |stops| stops.0);
-                exposure(light, values.number(&EXPOSURE, "", stops))?
-            }
-        };
-        if !with_mask {
-            return Ok(light);
-        }
-        let ones = values.tape.constant_full([light.shape()[0], 1], 1.0);
-        Ok(Var::concat(&[light, ones], 1)?)
     }
 
     /// Whether a picture goes through operations that see its neighbours: it is then an image.

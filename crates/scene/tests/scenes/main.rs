@@ -1,7 +1,9 @@
 //! Scenes as their users have them: what their page says, what programs do with them, what fits of them learn,
 //! and the laws that hold for all fits.
 
+mod alignment;
 mod description;
+mod exposures;
 mod fits;
 mod fixtures;
 mod hulls;
@@ -15,3 +17,4 @@ mod rays;
 mod resuming;
 mod stack;
 mod stages;
+mod stopping;

@@ -15,7 +15,7 @@ use crate::rays::{Ball, Eye, photograph};
 const ANGLE: f64 = 38.0;
 
 /// An object that looks the same from no two sides.
-fn balls() -> [Ball; 4] {
+pub(crate) fn balls() -> [Ball; 4] {
     [
         Ball::motley(DVec3::new(0.0, -0.1, 0.0), 0.5),
         Ball::motley(DVec3::new(0.55, 0.2, 0.1), 0.3),
@@ -25,7 +25,7 @@ fn balls() -> [Ball; 4] {
 }
 
 /// The balls as one OBJ with colours at vertices, by longitudes and latitudes.
-fn object(balls: &[Ball], [rows, columns]: [usize; 2]) -> String {
+pub(crate) fn object(balls: &[Ball], [rows, columns]: [usize; 2]) -> String {
     let (mut text, mut faces) = (String::new(), String::new());
     for (number, ball) in balls.iter().enumerate() {
         for k in 0..=rows * columns {

@@ -306,6 +306,12 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
             "[learn.exposure]\nrate = 0.03",
             Takes,
         ),
+        (
+            "learn.exposure.per_view",
+            "[learn.exposure]\n",
+            "[learn.exposure]\nper_view = true\n",
+            Refused("the scene's parameters"),
+        ),
         ("learn.blur.rate", "[learn.blur]\nrate = 0.03", "[learn.blur]\nrate = 0.04", Takes),
         ("learn.lens.rate", "[learn.lens]\nrate = 0.02", "[learn.lens]\nrate = 0.03", Takes),
         ("learn.lens.per_view", "per_view = [\"focus\"]\n", "", Refused("the scene's parameters")),
@@ -336,6 +342,25 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ("stages.learn", "rates = 0.9", "learn = [\"vertices\"]", Takes),
         ("stop.loss_below", "[loss]", "[stop]\nloss_below = 1e3\n[loss]", Takes),
         ("stop.patience", "[loss]", "[stop]\npatience = 1\n[loss]", Named),
+        // It is refused without views that are held out.
+        (
+            "stop.held_out.every",
+            "[loss]",
+            "[stop]\nheld_out = { every = 1, patience = 1 }\n[loss]",
+            Refused("`stop.held_out` measures views"),
+        ),
+        (
+            "stop.held_out.patience",
+            "[loss]",
+            "[stop]\nheld_out = { every = 1, patience = 2 }\n[loss]",
+            Refused("`stop.held_out` measures views"),
+        ),
+        (
+            "stop.held_out.gain",
+            "[loss]",
+            "[stop]\nheld_out = { every = 1, patience = 1, gain = 1 }\n[loss]",
+            Refused("`stop.held_out` measures views"),
+        ),
         ("stop.seconds", "[loss]", "[stop]\nseconds = 1e-9\n[loss]", Takes),
         // With stages it says nothing.
         ("stop.steps", "[loss]", "[stop]\nsteps = 2\n[loss]", Named),

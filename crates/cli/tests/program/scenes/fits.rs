@@ -89,10 +89,10 @@ fn a_fit_names_its_worst_views_and_says_that_its_loss_still_fell() {
         .map(|own| own.trim_end_matches(" dB").rsplit(' ').next().unwrap().parse().unwrap())
         .collect();
     assert!(ratios.len() == 3 && ratios.is_sorted(), "{worst}");
-    let is_said = "\nViews that are held out keep the cameras of the scene's file: ";
+    let is_said = " aligned with the images before scores were made: ";
     assert!(told.contains(is_said), "{told}");
     let [inspected, _] = ended(folder, &["inspect", "a<b&c/scene.toml"], 0);
-    assert!(inspected.contains("keep the cameras of the scene's file"), "{inspected}");
+    assert!(inspected.contains("is fitted to the images of held-out views"), "{inspected}");
     let page = fs::read_to_string(folder.join("out/index.html")).unwrap();
     // Of 84 steps a frame before the first, and one after every sixth.
     let film = fs::read(folder.join("out/views/film.png")).unwrap();
