@@ -5,6 +5,7 @@
     python objects.py make FOLDER                # some 40 seconds each
     python objects.py noise FOLDER NOISY --degrees 1
     python objects.py fit FOLDER RUNS            # `bokashi new` and `bokashi fit`, nothing edited
+    python objects.py fit NOISY RUNS --rough-cameras
     python objects.py score FOLDER RUNS
 
 The photographs are path traced under an even sky, 320 x 320 pixels, with opacity, from 24 sides; every eighth is
@@ -212,7 +213,8 @@ def fit(args):
         shutil.copytree(args.folder / name / "images", photographs / "images", dirs_exist_ok=True)
         shutil.copy(args.folder / name / "transforms.json", photographs)
         start = time.time()
-        subprocess.run([args.bokashi, "new", scene, "--images", photographs], check=True)
+        rough = ["--rough-cameras"] if args.rough_cameras else []
+        subprocess.run([args.bokashi, "new", scene, "--images", photographs, *rough], check=True)
         to = ["--out", scene / "out", "--json", scene / "scores.json"]
         subprocess.run([args.bokashi, "fit", scene / "scene.toml", *to], check=True)
         (scene / "seconds").write_text(str(time.time() - start))
@@ -260,6 +262,7 @@ def main():
         own.add_argument("--size", type=int, default=320)
         own.add_argument("--degrees", type=float, default=1.0)
         own.add_argument("--bokashi", default="bokashi")
+        own.add_argument("--rough-cameras", action="store_true")
         own.set_defaults(command=command)
     args = parser.parse_args()
     args.command(args)
