@@ -162,8 +162,8 @@ impl Coverage {
             )));
         };
         let cull = self::cull(cull)?;
-        let of = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
-        let mut coverage = of.map_err(Refusal::from)?;
+        let read = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
+        let mut coverage = read.map_err(Refusal::from)?;
         if let Some(clip) = clip {
             coverage = by_type!(&[Some(&clip)], T => {
                 let (shape, entries) = clip.view::<T>()?;

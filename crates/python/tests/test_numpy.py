@@ -310,9 +310,10 @@ def test_meshes_coverage_and_fragments_can_be_copied_and_pickled(generator):
     for other in copies(mesh):
         np.testing.assert_array_equal(other.faces, mesh.faces)
         assert other.vertex_count == 7
-    picture = generator.uniform(size=(12, 16, 3))
-    for cull in ("none", "back", "front"):
-        fragments, _ = bokashi.rasterize(clip, mesh, (12, 16), cull=cull)
+    # The second has several bands of pixels.
+    for cull, size in [("none", (12, 16)), ("none", (300, 200)), ("back", (12, 16)), ("front", (12, 16))]:
+        picture = generator.uniform(size=(*size, 3))
+        fragments, _ = bokashi.rasterize(clip, mesh, size, cull=cull)
         expected, _ = bokashi.antialias_image(picture, fragments)
         for other in copies(fragments):
             assert len(other) == len(fragments) and other.weight is None

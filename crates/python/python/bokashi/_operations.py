@@ -171,7 +171,7 @@ def mean_error(
 
     `penalty` is "squared", "absolute", "huber" (squares up to the difference `scale`, then a line), "charbonnier"
     (sqrt(d^2 + scale^2) - scale) or "relative" (d^2 / (image^2 + scale), for radiance; the gradient takes the
-    denominator as it is). The mean is weighted by `weights`, or taken where a `mask` of bools is true: of the shape of the
+    denominator as it is, while `jvp` and `hvp` move it). The mean is weighted by `weights`, or taken where a `mask` of bools is true: of the shape of the
     image or of its first axes. Gradients: of image, reference and weights.
 
     >>> import bokashi, numpy as np
@@ -377,7 +377,7 @@ def depth_layers(
         return outputs, pull_back
 
     def result(outputs: Sequence[Any]) -> list[Fragments[Any]]:
-        return [Fragments(barycentrics, None, clip, of) for barycentrics, of in zip(outputs, found)]
+        return [Fragments(uv, None, clip, coverage) for uv, coverage in zip(outputs, found)]
 
     return Step(run, [clip], None, result=result)
 

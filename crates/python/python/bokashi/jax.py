@@ -12,10 +12,11 @@
 
 Arguments are those of `bokashi`; arrays of jax take the place of arrays and of pairs of value and pull-back.
 
-Outside of `jit` every operation works. Inside, jax needs to know the shape of a result before it is computed. How many
-fragments there are is not known: so `rasterize` works outside alone, and its fragments may be used inside, as arguments
-or closed over. All others work inside too, also under `vmap`, one image after another. An argument with other fragments
-is compiled anew. `render` is a whole step, and works anywhere.
+Outside of `jit` every operation works. Inside, jax needs to know the shape of a result before it is computed. Where
+the number of results is not known before, a function works outside alone: `rasterize`, `rasterize_behind`,
+`depth_layers` and `field_surface`. Their fragments may be used inside, as arguments or closed over. All others work
+inside too, also under `vmap`, one image after another. An argument with other fragments is compiled anew. `render` is a
+whole step, and works anywhere.
 
 A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their
 forward passes run again if they are needed after all. Second derivatives and `jvp` are refused.
@@ -119,7 +120,7 @@ def _call(function: Callable, expected: Any, arrays: Any) -> Any:
         return jax.tree.map(jnp.asarray, function(*_to_numpy(arrays)))
     if expected is None:
         raise RenderError(
-            "rasterize finds as many fragments as are seen, and needs to be outside of jit and vmap, got a tracer"
+            "the number of results is not known before: it needs to be outside of jit and vmap, got a tracer"
         )
     return jax.pure_callback(lambda *x: function(*_to_numpy(x)), expected, *arrays, vmap_method="sequential")
 

@@ -120,8 +120,11 @@ def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
 
 def _still(name: str, tensor: Tensor | None) -> Any:
     """The numbers of a tensor that gets no gradient. One that asks for it is refused, not left without in silence."""
-    if isinstance(tensor, Tensor) and tensor.requires_grad and torch.is_grad_enabled():
-        raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
+    if isinstance(tensor, Tensor):
+        if tensor.requires_grad and torch.is_grad_enabled():
+            raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
+        if unpack_dual(tensor).tangent is not None:
+            raise RenderError(f"{name} has no tangent here and needs to be detached, got a tensor with one")
     return _to_array(tensor)
 
 
