@@ -102,7 +102,8 @@ class Dual:
         if function not in self.LINEAR:
             return NotImplemented
         if not arguments or {"out", "initial"} & set(options) or len(arguments) > self._MOST.get(function, 3):
-            raise TypeError(f"arrays with tangents come first, and have no out and no initial number, in {function.__name__}")
+            rule = "arrays with tangents come first, and have no out and no initial number"
+            raise TypeError(f"{rule}, in {function.__name__}")
         arrays, *more = arguments
         if isinstance(arrays, Dual):
             return arrays._moved(function, *more, **options)
@@ -216,7 +217,7 @@ def _duals(point: Sequence[Any], direction: Sequence[Any]) -> list[Dual]:
 def _each(value: Any, take: Callable[[Any], Any]) -> Any:
     """A result of whatever form, with `take` of each of its arrays.
 
-    Raises `TypeError` for a part that is known to have no arrays or hides them: its tangents would be lost in silence.
+    Raises `TypeError` for a part of another type: a tangent in it would be lost in silence.
     """
     if isinstance(value, (Dual, np.ndarray, np.generic, Number)):
         return take(value)
@@ -246,8 +247,8 @@ def jvp(
     """`f(x)` and `J v`, the derivative of `f` at `point` along `direction`: no differences, one run.
 
     `function(*arrays) -> (value, pull_back)` is an operation of bokashi, or is made of them and of the arithmetic of
-    `Dual`. Its value may be fragments, meshes, and lists and tuples: the derivative has the same form, with 0 for what does
-    not move, and meshes and `None` as they are. A direction has an array for each of the point, of its shape. Numbers are
+    `Dual`. Its value may be fragments, meshes, and lists and tuples. The derivative has the same form: 0 stands for what
+    does not move, meshes and `None` for themselves. A direction has an array for each of the point, of its shape. Numbers are
     of float64.
 
     Where branches meet, it is the derivative of the one that is taken: so with exact coverage keep vertices off the very
@@ -270,9 +271,9 @@ def hvp(
     """The gradient of a loss at `point`, and `H v`, the Hessian times `direction`: an array for each of the point.
 
     `function(*arrays) -> (value, pull_back)` is as in `jvp`, its value a single number. Gradients of the arrays come
-    first and in their order. `None`, where no gradient is kept, stays `None`, and such an array may not move: how it
-    changes the others' gradients is there, but not the other way round. The silhouettes of a picture move with its
-    vertices, and that is in the gradient. Which faces and pixels meet stays as it is.
+    first and in their order. `None`, where no gradient is kept, stays `None`. An array without a gradient may not
+    move: a part of the product would be missing. The silhouettes of a picture move with its vertices, and that is in the
+    gradient. Which faces and pixels meet stays as it is.
 
     >>> import bokashi
     >>> (bar,), (moved,) = hvp(lambda x: bokashi.squared_error(x, np.zeros(2)), [[1.0, 3.0]], [[1.0, 0.0]])

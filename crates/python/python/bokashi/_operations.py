@@ -170,8 +170,8 @@ def mean_error(
     """The mean of what differences d of two arrays cost, `[]`.
 
     `penalty` is "squared", "absolute", "huber" (squares up to the difference `scale`, then a line), "charbonnier"
-    (sqrt(d^2 + scale^2) - scale) or "relative" (d^2 / (image^2 + scale), for radiance; the gradient takes the
-    denominator as it is, while `jvp` and `hvp` move it). The mean is weighted by `weights`, or taken where a `mask` of bools is true: of the shape of the
+    (sqrt(d^2 + scale^2) - scale) or "relative" (d^2 / (image^2 + scale), for radiance). The gradient takes that
+    denominator as it is, while `jvp` and `hvp` move it. The mean is weighted by `weights`, or taken where a `mask` of bools is true: of the shape of the
     image or of its first axes. Gradients: of image, reference and weights.
 
     >>> import bokashi, numpy as np
