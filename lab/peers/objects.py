@@ -1,6 +1,6 @@
 """Objects from photographs that an independent ray tracer took: made, fitted by `bokashi`, and scored.
 
-    pip install mitsuba==3.9.0 trimesh scikit-image scipy pillow
+    pip install mitsuba==3.9.1 trimesh scikit-image scipy pillow
     npm pack bunny && tar xzf bunny-*.tgz        # the Stanford bunny, in the public domain
     python objects.py make FOLDER                # some 40 seconds each
     python objects.py noise FOLDER NOISY --degrees 1

@@ -251,12 +251,17 @@ fn every_mesh_error_says_the_rule_and_the_value() {
              got origin [0.0, 0.5, 0.0] and spacing -1",
         ),
         (
+            Grid::around([0.0, 0.5, 0.0], [1.0, 0.25, 1.0], 8).unwrap_err(),
+            "a grid needs a box that starts below its end, \
+             got one from [0.0, 0.5, 0.0] to [1.0, 0.25, 1.0]",
+        ),
+        (
             nearest_on_surface(&points, &points, &empty).map(drop).unwrap_err(),
             "nearest_on_surface needs a mesh with faces, got none",
         ),
         (
             normal_consistency((&points, &flat), (&points, &flat), 9, 0).unwrap_err(),
-            "normal_consistency needs a surface with an area, got 1 faces that have none",
+            "normal_consistency needs a face with an area, got none among 1",
         ),
         (
             Mesh::new(vec![[0, 1, 3]], 3).unwrap_err().into(),

@@ -1,4 +1,7 @@
-//! A tree of boxes around faces: which of them can meet a box.
+//! A tree of boxes around faces or points: which of them can meet a box, and which is the nearest.
+//!
+//! Items are halved at the median of their middles, along the axis on which these lie furthest apart. Equal middles
+//! follow their indices, so the tree depends on nothing but the boxes.
 
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
@@ -32,6 +35,12 @@ impl Bounds {
 
     fn has(&self, other: &Self) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
+    }
+
+    /// The square of the distance to a point.
+    #[inline]
+    fn distance_squared(&self, point: DVec3) -> f64 {
+        (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 
     fn middle(&self) -> DVec3 {
@@ -152,6 +161,37 @@ impl BoxTree {
             }
         }
     }
+
+    /// The item with the least `distance`, squared and from `point`, and this; of equal ones that with the lowest
+    /// index. No item may be nearer than its box is.
+    pub(crate) fn nearest(&self, point: DVec3, distance: impl Fn(u32) -> f64) -> (u32, f64) {
+        let (mut nearest, mut least) = (NONE, f64::INFINITY);
+        let mut open = SmallVec::<[(u32, f64); 64]>::new();
+        open.push((0, 0.0));
+        while let Some((index, away)) = open.pop() {
+            if away > least {
+                continue;
+            }
+            let node = &self.nodes[index as usize];
+            if node.is_leaf {
+                for (bounds, item) in &self.leaves[node.below as usize] {
+                    if bounds.distance_squared(point) > least {
+                        continue;
+                    }
+                    let found = distance(*item);
+                    if found < least || found == least && *item < nearest {
+                        (nearest, least) = (*item, found);
+                    }
+                }
+                continue;
+            }
+            let [first, second] = [node.below, node.below + 1]
+                .map(|child| (child, self.nodes[child as usize].bounds.distance_squared(point)));
+            // The nearer one is looked at first.
+            open.extend(if first.1 <= second.1 { [second, first] } else { [first, second] });
+        }
+        (nearest, least)
+    }
 }
 
 #[cfg(test)]
@@ -189,7 +229,31 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_is_the_first_of_the_nearest_also_after_changes() {
+        let mut boxes: Vec<_> = (0..200).map(cell).collect();
+        let mut tree = BoxTree::new(&boxes);
+        for changes in 0..2 {
+            for k in 0..200 {
+                // On corners of boxes, within some, beyond all.
+                let point = cell(k * 11 + 3).low - 0.5 * DVec3::splat((k % 5) as f64);
+                let away: Vec<_> = boxes.iter().map(|it| it.distance_squared(point)).collect();
+                let least = away.iter().copied().fold(f64::INFINITY, f64::min);
+                let first = away.iter().position(|it| *it == least).unwrap();
+                let found = tree.nearest(point, |item| away[item as usize]);
+                assert_eq!(found, (first as u32, least), "{k}, {changes}");
+            }
+            for k in 0..100 {
+                boxes[k] = cell(k * 3 + 1);
+                tree.change(k as u32, boxes[k]);
+                boxes.push(cell(k * 2 + 5));
+                tree.add_beside(k as u32, boxes[boxes.len() - 1]);
+            }
+        }
+    }
+
+    #[test]
     fn without_items_nothing_is_found() {
         assert!(near(&BoxTree::new(&[]), &cell(0)).is_empty());
+        assert_eq!(BoxTree::new(&[]).nearest(DVec3::ZERO, |_| 0.0), (NONE, f64::INFINITY));
     }
 }

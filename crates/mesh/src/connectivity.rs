@@ -3,7 +3,7 @@
 use bokashi_render_ops::Mesh;
 
 use crate::edges::{Side, edges, sides};
-use crate::triangle::repeats_a_vertex;
+use crate::triangle::{corner_of, repeats_a_vertex};
 
 /// Parts, boundaries and the Euler characteristic of a mesh. A face that names a vertex twice counts as none.
 ///
@@ -122,8 +122,7 @@ impl Connectivity {
 
 /// The corner of a side's face at one of the side's ends, by its place in the list of all corners.
 fn corner_at(faces: &[[u32; 3]], side: &Side, end: u32) -> u32 {
-    let face = faces[side.face as usize];
-    3 * side.face + u32::from(face[1] == end) + 2 * u32::from(face[2] == end)
+    3 * side.face + corner_of(faces[side.face as usize], end) as u32
 }
 
 /// The number of rings of the sides of edges that have other than two faces. Two sides are neighbours if they end the

@@ -9,8 +9,8 @@
 
 use bokashi_render_ops::glam::DVec3;
 
-/// Six times the volume of (a, b, c, d): positive where d lies below the face (a, b, c), which is seen
-/// counterclockwise from above; 0 where the sign is in doubt.
+/// Six times the volume of (a, b, c, d), and 0 where its sign is in doubt. It is positive where d lies below the face
+/// (a, b, c), which is seen counterclockwise from above.
 #[inline]
 fn volume([a, b, c]: [DVec3; 3], d: DVec3) -> f64 {
     // (7 + 56 eps) eps, eps = 2^-53, of the sum of the products' magnitudes.

@@ -67,9 +67,33 @@ fn product<T: Scalar>(
     Ok(Tensor::new(&shape[..], data)?)
 }
 
+/// The vertices that are kept of `count`, and `faces` of these, which then name the places of their vertices among
+/// them.
+pub(crate) fn kept_part(
+    count: usize,
+    is_kept: impl Fn(usize) -> bool,
+    faces: impl Iterator<Item = [u32; 3]>,
+) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let mut places = vec![0; count];
+    let mut kept = Vec::new();
+    for vertex in (0..count).filter(|vertex| is_kept(*vertex)) {
+        places[vertex] = kept.len() as u32;
+        kept.push(vertex as u32);
+    }
+    let faces = faces.map(|face| face.map(|vertex| places[vertex as usize])).collect();
+    (kept, faces)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn faces_of_kept_vertices_name_their_new_places() {
+        let faces = [[5, 1, 4], [4, 1, 5]].into_iter();
+        let (kept, faces) = kept_part(6, |vertex| ![0, 3].contains(&vertex), faces);
+        assert_eq!((kept, faces), (vec![1, 2, 4, 5], vec![[3, 0, 2], [2, 0, 3]]));
+    }
 
     #[test]
     fn rows_of_any_length_are_carried_over() {

@@ -30,6 +30,14 @@ pub enum MeshError {
         /// The distance between neighbours.
         spacing: f64,
     },
+    /// A box with an end below its start.
+    #[error("a grid needs a box that starts below its end, got one from {low:?} to {high:?}")]
+    GridBox {
+        /// Where it would start.
+        low: [f64; 3],
+        /// Where it would end.
+        high: [f64; 3],
+    },
     /// A number of a field that is none.
     #[error("a field needs to be finite, got {value} at grid point {point:?}")]
     FieldValue {
@@ -47,7 +55,7 @@ pub enum MeshError {
         position: [f64; 3],
     },
     /// A surface without an area.
-    #[error("{operation} needs a surface with an area, got {faces} faces that have none")]
+    #[error("{operation} needs a face with an area, got none among {faces}")]
     NoArea {
         /// The operation.
         operation: &'static str,

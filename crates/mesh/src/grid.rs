@@ -37,12 +37,17 @@ impl Grid {
         Ok(grid)
     }
 
-    /// The grid with `cells` cells along the longest side of a box, and with one layer of cells around the box on
-    /// every side: a field whose shape lies in the box is outside at the border.
+    /// The grid with `cells` cells along the longest side of the box from `low` to `high`.
+    ///
+    /// One more layer of cells is around the box on every side. So a field whose shape lies in the box is outside at
+    /// the border.
     ///
     /// # Errors
-    /// As [`Self::new`], for the grid that comes out.
+    /// [`MeshError::GridBox`] where `low` is above `high` along an axis; as [`Self::new`] for the grid that comes out.
     pub fn around(low: [f64; 3], high: [f64; 3], cells: usize) -> Result<Self, MeshError> {
+        if (0..3).any(|axis| low[axis] > high[axis]) {
+            return Err(MeshError::GridBox { low, high });
+        }
         let extents = [0, 1, 2].map(|axis| high[axis] - low[axis]);
         let spacing = extents.into_iter().fold(0.0, f64::max) / cells as f64;
         // In whole cells; where that is no number, there are none, and `new` says so.

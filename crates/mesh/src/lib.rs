@@ -23,6 +23,9 @@
 //!
 //! | topic | operations and types |
 //! |---|---|
+//! | other meshes of one | [`remesh()`], [`subdivide()`]; a [`DerivedMesh`] carries over what stood at vertices |
+//! | other positions | [`smooth()`] |
+//! | numbers of a mesh | [`Connectivity`]; [`surface_area()`], [`signed_volume()`], [`self_intersections()`] |
 //! | surfaces of fields | [`field_surface()`] at the points of a [`Grid`], [`extract_surface()`] without a tape |
 //! | points on surfaces | [`draw_points()`], [`nearest_on_surface()`]; [`SurfacePoints`] move with the surface |
 //! | distances | [`chamfer_distance()`]; [`nearest_points()`], [`f_score()`], [`normal_consistency()`] |

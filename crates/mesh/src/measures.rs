@@ -43,11 +43,12 @@ pub fn signed_volume<T: Scalar>(positions: &Tensor<T>, mesh: &Mesh) -> Result<f6
 
 /// Pairs of faces that cross, the lower index first, in increasing order.
 ///
-/// Two faces without a common vertex cross where an edge of one passes through the inside of the other. Of faces with one
-/// common vertex, only the edges that face it count. Faces that share an edge never cross. Each pair crosses for
-/// certain, at these positions and without rounding. What touches does not cross: an edge that ends on a face, faces in
-/// one plane, and an edge that passes through another face's edge, where rounding could decide. The rule knows
-/// no distance, so it is the same at any scale.
+/// Two faces without a common vertex cross where an edge of one passes through the inside of the other. Of faces with
+/// one common vertex, only the edges that face it count. Faces that share an edge never cross. Each pair crosses for
+/// certain, at these positions and without rounding. The rule knows no distance, so it is the same at any scale.
+///
+/// What touches does not cross: an edge that ends on a face, or faces in one plane. Neither does an edge that passes
+/// through another face's edge, where rounding could decide.
 ///
 /// # Errors
 /// As [`surface_area`].

@@ -6,9 +6,9 @@ use crate::edges::{Side, edges};
 
 /// Which vertices a vertex is smoothed with.
 ///
-/// Where each edge at a vertex has two faces, all its neighbours. Where two edges have another number, as at a boundary,
-/// the two at their ends, so that a boundary depends on itself alone. Elsewhere none: corners at which surfaces
-/// meet, and vertices without a face.
+/// Where each edge at a vertex has two faces, all its neighbours. Where two edges have another number, as at a
+/// boundary, the two at their ends, so that a boundary depends on itself alone. Elsewhere none: corners at which
+/// surfaces meet, and vertices without a face.
 #[derive(Debug)]
 pub(crate) struct Rings {
     starts: Vec<usize>,

@@ -1,9 +1,9 @@
 //! Smoothing of positions: each vertex toward the mean of its neighbours.
 //!
 //! # Formulas
-//! A step moves all vertices at once, `x_i <- x_i + s (m_i - x_i)`, with `m_i` the mean of the neighbours. A boundary is
-//! smoothed along itself. Repeated, it shrinks what is round. Taubin's second step with `s < 0` swells it again: waves
-//! of an eigenvalue k of the Laplacian are multiplied by `(1 - a k) (1 + b k)`, near 1 for small k.
+//! A step moves all vertices at once, `x_i <- x_i + s (m_i - x_i)`, with `m_i` the mean of the neighbours. A boundary
+//! is smoothed along itself. Repeated, it shrinks what is round. Taubin's second step with `s < 0` swells it again.
+//! Both multiply waves of an eigenvalue k of the Laplacian by `(1 - a k) (1 + b k)`, near 1 for small k.
 //!
 //! # Source
 //! Taubin, *A Signal Processing Approach to Fair Surface Design*, SIGGRAPH 1995.
@@ -52,8 +52,8 @@ impl Smoothing {
 /// Smooths `positions: [V, 3]`, without a tape. Vertices at which boundaries meet, and those without a face, stay.
 ///
 /// # Errors
-/// [`TensorError::Shape`] unless there is a position for each vertex; [`TensorError::Value`] for one that is not finite,
-/// for a share outside 0 to 1, and where so many steps that swell leave the range of the numbers.
+/// [`TensorError::Shape`] unless there is a position for each vertex; [`TensorError::Value`] for one that is not
+/// finite, for a share outside 0 to 1, and where steps that swell leave the range of the numbers.
 pub fn smooth<T: Scalar>(
     positions: &Tensor<T>,
     mesh: &Mesh,

@@ -1,11 +1,11 @@
 //! Subdivision: each face becomes four.
 //!
 //! # Formulas
-//! A new vertex lies on each edge (i, j). At the midpoint, or by Loop's rule at `3/8 (x_i + x_j) + 1/8 (x_k + x_l)`
-//! with the corners across. Loop also moves an old vertex with n neighbours, to `(1 - n b) x + b (sum of neighbours)`,
-//! `b = (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n`. At a boundary the rules are those of a cubic spline: midpoints, and
-//! `3/4 x + 1/8 (x_before + x_after)`. An edge of three faces counts as a boundary. A vertex at other than two of
-//! such edges stays.
+//! A new vertex lies on each edge (i, j): at the midpoint, or by Loop's rule. This puts it at
+//! `3/8 (x_i + x_j) + 1/8 (x_k + x_l)`, with the corners k and l across. Loop also moves an old vertex with n
+//! neighbours, to `(1 - n b) x + b (sum of neighbours)`. Here `b = (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n`. At a
+//! boundary the rules are those of a cubic spline: midpoints, and `3/4 x + 1/8 (x_before + x_after)`. An edge of
+//! three faces counts as a boundary. A vertex at other than two of such edges stays.
 //!
 //! # Backward
 //! The map is linear, with constant weights: a product with a sparse matrix.
@@ -20,6 +20,7 @@ use bokashi_render_ops::Mesh;
 use crate::derived_mesh::DerivedMesh;
 use crate::edges::{Side, edges, sides};
 use crate::error::MeshError;
+use crate::placed::check_positions;
 use crate::rings::Rings;
 use crate::triangle::repeats_a_vertex;
 
@@ -60,13 +61,15 @@ pub enum Subdivision {
 /// ```
 ///
 /// # Errors
-/// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a row for each vertex;
+/// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a position for each vertex;
+/// [`TensorError::Value`](bokashi_core::TensorError::Value) for one that is not finite;
 /// [`RenderError::MeshSize`](bokashi_render_ops::RenderError::MeshSize) where there would be 2^31 faces or vertices.
 pub fn subdivide<T: Scalar>(
     positions: &Tensor<T>,
     mesh: &Mesh,
     scheme: Subdivision,
 ) -> Result<DerivedMesh<T>, MeshError> {
+    check_positions("subdivide", positions, mesh)?;
     let sides = sides(mesh.faces());
     let new_mesh = divided(mesh, &sides)?;
     let triplets = match scheme {
@@ -231,7 +234,23 @@ mod tests {
         let empty = Mesh::new(Vec::new(), 0).unwrap();
         let fine = subdivide(&Tensor::<f32>::zeros([0, 3]), &empty, Subdivision::Loop).unwrap();
         assert_eq!((fine.mesh.vertex_count(), fine.mesh.faces().len()), (0, 0));
-        let wrong = subdivide(&Tensor::<f32>::zeros([4, 3]), &mesh, Subdivision::Midpoint);
-        assert!(wrong.is_err());
+    }
+
+    #[test]
+    fn what_is_no_position_is_refused() {
+        let mesh = sheet(2).mesh();
+        let said = |positions: &Tensor<f64>| {
+            let refused = subdivide(positions, &mesh, Subdivision::Midpoint);
+            refused.map(drop).unwrap_err().to_string()
+        };
+        for shape in [[4, 3], [9, 2]] {
+            let [rows, columns] = shape;
+            let shown = format!("got shape [{rows}, {columns}]");
+            let message = format!("subdivide needs positions of shape [9, 3], {shown}");
+            assert_eq!(said(&Tensor::zeros(shape)), message);
+        }
+        let lost = Tensor::from_flat_fn([9, 3], |k| if k == 10 { f64::NAN } else { 0.0 });
+        let message = "subdivide needs finite numbers in row 3 of the positions, got NaN";
+        assert_eq!(said(&lost), message);
     }
 }

@@ -63,6 +63,23 @@ pub(super) fn fall(losses: &[f64]) -> Option<f64> {
 /// Below this share of both, silhouettes and their masks are not of one shape.
 const FAR_OFF: f64 = 0.8;
 
+/// How much silhouettes overlap with masks, in words, and what is wrong where it is little. Of each view whether it is
+/// held out, and the overlap: those that are held out count, or all where none is.
+fn overlap_in_words(views: &[(bool, f64)]) -> Option<String> {
+    let some_are = views.iter().any(|view| view.0);
+    let counted: Vec<_> =
+        views.iter().filter(|view| view.0 == some_are).map(|view| view.1).collect();
+    if counted.is_empty() {
+        return None;
+    }
+    let share = counted.iter().sum::<f64>() / counted.len() as f64;
+    let far_off = match share < FAR_OFF {
+        true => ": the start is too far off, or masks or cameras are wrong",
+        false => "",
+    };
+    Some(format!("Silhouettes overlap with their masks by {:.1} %{far_off}.", 100.0 * share))
+}
+
 /// The parameters of a fit by name.
 pub(super) fn values(fit: &SceneFit) -> Vec<(String, Tensor<f32>)> {
     let all = fit.parameters().iter();
@@ -113,24 +130,6 @@ impl Outcome {
         (all.len() > WORST).then(|| format!("Worst views: {named}."))
     }
 
-    /// How much silhouettes overlap with masks, in words, and what to do where it is little: of the views that are
-    /// held out, or of all where none is.
-    fn overlap_in_words(&self, fit: &SceneFit) -> Option<String> {
-        let is_held_out = |score: &&ViewScore| fit.scene().views[score.view].held_out;
-        let shares = |scores: &[&ViewScore]| {
-            let shares: Vec<_> = scores.iter().filter_map(|score| score.silhouette_iou).collect();
-            (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
-        };
-        let held_out: Vec<_> = self.scores.iter().filter(is_held_out).collect();
-        let share =
-            shares(&held_out).or_else(|| shares(&self.scores.iter().collect::<Vec<_>>()))?;
-        let far_off = match share < FAR_OFF {
-            true => ": the start is too far off, or masks or cameras are wrong",
-            false => "",
-        };
-        Some(format!("Silhouettes overlap with their masks by {:.1} %{far_off}.", 100.0 * share))
-    }
-
     /// What a score of a view that is held out means where cameras are learnt.
     fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
         let scene = fit.scene();
@@ -142,7 +141,14 @@ impl Outcome {
     pub(super) fn remarks(&self, fit: &SceneFit) -> impl Iterator<Item = String> {
         let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
         let held_out = self.held_out_in_words(fit).map(str::to_owned);
-        let overlap = self.overlap_in_words(fit);
+        let overlaps: Vec<_> = self
+            .scores
+            .iter()
+            .filter_map(|score| {
+                Some((fit.scene().views[score.view].held_out, score.silhouette_iou?))
+            })
+            .collect();
+        let overlap = overlap_in_words(&overlaps);
         let all = [ended, self.fell_in_words(), overlap, self.worst_in_words(fit), held_out];
         all.into_iter().flatten()
     }
@@ -217,6 +223,20 @@ fn hash(values: &[(String, Tensor<f32>)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_overlap_is_that_of_views_that_are_held_out_and_is_blamed_where_it_is_little() {
+        let said = |views: &[(bool, f64)]| overlap_in_words(views).unwrap_or_default();
+        let good = "Silhouettes overlap with their masks by 95.0 %.";
+        assert_eq!(said(&[(true, 0.96), (false, 0.1), (true, 0.94)]), good);
+        assert_eq!(said(&[(false, 0.96), (false, 0.94)]), good);
+        let rule = "the start is too far off, or masks or cameras are wrong.";
+        assert_eq!(
+            said(&[(true, 0.7), (false, 1.0)]),
+            format!("Silhouettes overlap with their masks by 70.0 %: {rule}")
+        );
+        assert_eq!(said(&[]), "");
+    }
 
     #[test]
     fn a_loss_that_still_falls_is_told_from_one_that_does_not() {

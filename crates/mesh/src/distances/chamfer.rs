@@ -33,13 +33,14 @@ pub enum PointDistance {
     Squared,
 }
 
-/// The Chamfer distance of clouds `x: [n, 3]` and `y: [m, 3]`, a scalar: the mean distance from a point of x to the
-/// nearest one of y, plus the mean distance from a point of y to the nearest one of x. Distances are squared or not, as
-/// `distance` says. It is differentiable with respect to both.
+/// The Chamfer distance of clouds `x: [n, 3]` and `y: [m, 3]`, a scalar.
+///
+/// It is the mean distance from a point of one cloud to the nearest one of the other, summed over both ways. Distances
+/// are squared or not, as `distance` says. It is differentiable with respect to both clouds.
 ///
 /// # Errors
-/// `TensorError::Shape` unless the shapes are these, with n and m from 1 up; `TensorError::Value` for a number that is not finite;
-/// `TensorError::ForeignVariable` for variables of two tapes.
+/// `TensorError::Shape` unless the shapes are these, with n and m from 1 up; `TensorError::Value` for a number that
+/// is not finite; `TensorError::ForeignVariable` for variables of two tapes.
 #[inline(never)]
 pub fn chamfer_distance<'t, T: Scalar>(
     x: Var<'t, T>,

@@ -1,12 +1,9 @@
 //! Distances between surfaces: points on them, the nearest ones, and what follows from these.
 
 mod chamfer;
-mod cloud;
 mod nearest;
 mod scores;
 mod surface_points;
-mod tree;
-mod triangle;
 
 pub use chamfer::{PointDistance, chamfer_distance};
 pub use nearest::{NearestPoints, nearest_on_surface, nearest_points};

@@ -1,14 +1,14 @@
 //! Nearest points: of a cloud, and on a surface.
 
 use bokashi_core::parallel::write_each;
-use bokashi_core::{Scalar, Tensor};
+use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
 
-use super::cloud::{Scale, dot, minus, points, some_points, vertices};
 use super::surface_points::SurfacePoints;
-use super::tree::{Extent, Tree};
-use super::triangle;
+use crate::box_tree::{Bounds, BoxTree};
 use crate::error::MeshError;
+use crate::placed::{balance, points, vertices};
+use crate::triangle;
 
 /// Queries in one piece of work.
 const PER_PIECE: usize = 1 << 8;
@@ -44,19 +44,21 @@ pub(super) fn nearest_of<T: Scalar>(
     queries: &Tensor<T>,
     from: &Tensor<T>,
 ) -> Result<NearestPoints, MeshError> {
-    let mut queries = points(queries, operation, "points")?;
-    let mut from = some_points(from, operation, "points")?;
-    let scale = Scale::balance([&mut queries, &mut from]);
-    let extents: Vec<Extent> = from.iter().map(|&point| [point; 2]).collect();
-    let tree = Tree::new(&extents);
+    let mut queries = points(operation, queries, "points")?;
+    let shape = from.shape();
+    let mut from = points(operation, from, "points")?;
+    if from.is_empty() {
+        let rule = "points of shape [n, 3] with n from 1 up".into();
+        return Err(TensorError::Shape { operation, rule, shape: shape.clone() }.into());
+    }
+    let unit = balance([&mut queries, &mut from]);
+    let bounds: Vec<_> = from.iter().map(|&point| Bounds::around(&[point])).collect();
+    let tree = BoxTree::new(&bounds);
     let mut found = vec![(0, 0.0); queries.len()];
     write_each(&mut found, PER_PIECE, |k| {
-        tree.nearest(queries[k], |point| {
-            let away = minus(queries[k], from[point as usize]);
-            dot(away, away)
-        })
+        tree.nearest(queries[k], |point| queries[k].distance_squared(from[point as usize]))
     });
-    let distances = found.iter().map(|(_, square)| scale.length(square.sqrt())).collect();
+    let distances = found.iter().map(|(_, square)| unit * square.sqrt()).collect();
     Ok(NearestPoints { indices: found.into_iter().map(|(index, _)| index).collect(), distances })
 }
 
@@ -73,30 +75,22 @@ pub fn nearest_on_surface<T: Scalar>(
     mesh: &Mesh,
 ) -> Result<(SurfacePoints<T>, Vec<f64>), MeshError> {
     const NAME: &str = "nearest_on_surface";
-    let mut queries = points(queries, NAME, "queries")?;
-    let mut at = vertices(positions, mesh, NAME)?;
-    let scale = Scale::balance([&mut queries, &mut at]);
+    let mut queries = points(NAME, queries, "queries")?;
+    let mut at = vertices(NAME, positions, mesh)?;
+    let unit = balance([&mut queries, &mut at]);
     if mesh.faces().is_empty() {
         return Err(MeshError::NoFaces { operation: NAME });
     }
     let corners = |face: u32| mesh.faces()[face as usize].map(|vertex| at[vertex as usize]);
-    let extent = |face: u32| {
-        let corners = corners(face);
-        let bound = |choose: fn(f64, f64) -> f64| {
-            [0, 1, 2].map(|axis| {
-                corners.map(|corner| corner[axis]).into_iter().fold(corners[0][axis], choose)
-            })
-        };
-        [bound(f64::min), bound(f64::max)]
-    };
-    let extents: Vec<Extent> = (0..mesh.faces().len() as u32).map(extent).collect();
-    let tree = Tree::new(&extents);
+    let bounds: Vec<_> =
+        (0..mesh.faces().len() as u32).map(|face| Bounds::around(&corners(face))).collect();
+    let tree = BoxTree::new(&bounds);
     let mut found = vec![(0, [0.0; 3], 0.0); queries.len()];
     write_each(&mut found, PER_PIECE, |k| {
         let (face, _) =
             tree.nearest(queries[k], |face| triangle::nearest(corners(face), queries[k]).1);
         let (weights, square) = triangle::nearest(corners(face), queries[k]);
-        (face, weights, scale.length(square.sqrt()))
+        (face, weights, unit * square.sqrt())
     });
     let distances = found.iter().map(|&(.., distance)| distance).collect();
     let (faces, weights) = found.into_iter().map(|(face, weights, _)| (face, weights)).unzip();

@@ -2,11 +2,13 @@
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::glam::DVec3;
 
-use super::cloud::{Scale, cross, dot, minus, vertices};
 use super::nearest::{nearest_of, nearest_on_surface};
-use super::surface_points::{SurfacePoints, double_area, draw_points};
+use super::surface_points::{SurfacePoints, draw_points};
 use crate::error::MeshError;
+use crate::placed::Placed;
+use crate::triangle::area_vector;
 
 /// How many points of two clouds are near the other cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,8 +48,10 @@ pub fn f_score<T: Scalar>(
     Ok(FScore { precision, recall, score })
 }
 
-/// How alike the normals of two surfaces are, from 0 to 1: at `count` points drawn on one the mean of `|n . m|`, with m the normal
-/// at the nearest point of the other; and of this and the same the other way around the mean.
+/// How alike the normals of two surfaces are, from 0 to 1.
+///
+/// `count` points are drawn on one surface. The normal n at each is compared with the normal m at the nearest point of
+/// the other surface, by `|n . m|`. The result is the mean over these points and as many drawn on the other surface.
 ///
 /// Which way the surfaces face does not matter, as in Mescheder et al., *Occupancy networks*, CVPR 2019. Faces
 /// without an area are left out.
@@ -74,25 +78,21 @@ const NORMALS: &str = "normal_consistency";
 struct Oriented<'a, T> {
     positions: &'a Tensor<T>,
     mesh: Mesh,
-    normals: Vec<[f64; 3]>,
+    normals: Vec<DVec3>,
 }
 
 impl<'a, T: Scalar> Oriented<'a, T> {
     fn new((positions, mesh): (&'a Tensor<T>, &Mesh)) -> Result<Self, MeshError> {
-        let mut at = vertices(positions, mesh, NORMALS)?;
-        Scale::balance([&mut at]);
-        let corners = |face: &[u32; 3]| face.map(|vertex| at[vertex as usize]);
-        let faces = mesh.faces().iter().filter(|face| double_area(corners(face)) > 0.0);
-        let faces: Vec<_> = faces.copied().collect();
+        let placed = Placed::new(NORMALS, positions, mesh)?;
+        let oriented = mesh.faces().iter().filter_map(|&face| {
+            let normal = area_vector(placed.corners(face));
+            let length = normal.length();
+            (length > 0.0).then(|| (face, normal / length))
+        });
+        let (faces, normals): (Vec<_>, Vec<_>) = oriented.unzip();
         if faces.is_empty() {
             return Err(MeshError::NoArea { operation: NORMALS, faces: mesh.faces().len() });
         }
-        let normal = |face: &[u32; 3]| {
-            let [a, b, c] = corners(face);
-            let length = double_area([a, b, c]);
-            cross(minus(b, a), minus(c, a)).map(|x| x / length)
-        };
-        let normals = faces.iter().map(normal).collect();
         Ok(Self { positions, mesh: Mesh::new(faces, mesh.vertex_count())?, normals })
     }
 
@@ -103,7 +103,7 @@ impl<'a, T: Scalar> Oriented<'a, T> {
         let (nearest, _) = nearest_on_surface(&points, other.positions, &other.mesh)?;
         let pairs = drawn.faces().iter().zip(nearest.faces().iter());
         let cosine =
-            |(&a, &b): (&u32, &u32)| dot(self.normals[a as usize], other.normals[b as usize]).abs();
+            |(&a, &b): (&u32, &u32)| self.normals[a as usize].dot(other.normals[b as usize]).abs();
         Ok(pairs.map(cosine).sum::<f64>() / count as f64)
     }
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError, Var};
 use bokashi_render_ops::Mesh;
 
-use super::cloud::{Scale, cross, dot, minus, vertices};
 use crate::error::MeshError;
+use crate::placed::Placed;
+use crate::triangle::area_vector;
 
 /// Points on the faces of a mesh, each with the face on which it lies and its barycentrics there.
 ///
@@ -91,11 +92,10 @@ pub fn draw_points<T: Scalar>(
         let (rule, value) = ("fewer than 2^31 points".into(), count as f64);
         return Err(TensorError::Value { operation: "draw_points", rule, value }.into());
     }
-    let mut at = vertices(positions, mesh, "draw_points")?;
-    Scale::balance([&mut at]);
+    let placed = Placed::new("draw_points", positions, mesh)?;
     let mut total = 0.0;
     let below = mesh.faces().iter().map(|&face| {
-        total += double_area(face.map(|vertex| at[vertex as usize]));
+        total += area_vector(placed.corners(face)).length();
         total
     });
     let below: Vec<f64> = below.collect();
@@ -114,12 +114,6 @@ pub fn draw_points<T: Scalar>(
     };
     let (faces, barycentrics) = (0..count).map(draw).unzip();
     Ok(SurfacePoints::new(faces, barycentrics, mesh)?)
-}
-
-/// Twice the area of a triangle.
-pub(super) fn double_area([a, b, c]: [[f64; 3]; 3]) -> f64 {
-    let normal = cross(minus(b, a), minus(c, a));
-    dot(normal, normal).sqrt()
 }
 
 /// Steele, Lea and Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014: SplitMix64.

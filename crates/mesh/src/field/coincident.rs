@@ -1,11 +1,19 @@
 //! Vertices at one place, and faces without an area between them, dropped without opening the surface.
 //!
-//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two
-//! of them is collapsed where the surface stays what it is: where the links of its ends meet in the link of the edge
-//! alone (Dey, Edelsbrunner, Guha and Nekhayev 1999). The others stay, with their faces: to drop them would pinch the
-//! surface at the point, or tear it. A tetrahedron at one point, which has no volume, is dropped.
+//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two of
+//! them is collapsed where the surface stays what it is. That is so where the links of its ends meet in the link of
+//! the edge alone. The others stay, with their faces: to drop them would pinch the surface at the point, or tear it.
+//! A tetrahedron at one point, which has no volume, is dropped.
 //!
 //! The vertex that stays is the one with the lower number. A border counts as the link to a vertex beyond.
+//!
+//! # Source
+//! Dey, Edelsbrunner, Guha and Nekhayev, *Topology preserving edge contraction*, 1999.
+
+use smallvec::SmallVec;
+
+use crate::derived_mesh::kept_part;
+use crate::triangle::other_corners;
 
 /// A vertex beyond the border.
 const BEYOND: u32 = u32::MAX;
@@ -23,8 +31,8 @@ pub(super) fn coincident_edges<T: PartialEq>(
     edges
 }
 
-/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left, and
-/// the faces, with the places of their vertices in this list.
+/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left,
+/// and the faces, with the places of their vertices in this list.
 pub(super) fn collapse(
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
@@ -47,7 +55,7 @@ struct Surface {
     /// A face that was dropped names one vertex three times.
     faces: Vec<[u32; 3]>,
     /// By vertex: its faces.
-    stars: Vec<Vec<u32>>,
+    stars: Vec<SmallVec<[u32; 8]>>,
     /// By vertex: the one that it was merged into, perhaps itself.
     merged: Vec<u32>,
     /// By vertex: the lowest one that edges between vertices at its place lead to.
@@ -67,7 +75,7 @@ fn last_of(chain: &mut [u32], vertex: u32) -> u32 {
 
 impl Surface {
     fn new(faces: Vec<[u32; 3]>, vertex_count: usize, edges: &[[u32; 2]]) -> Self {
-        let mut stars = vec![Vec::new(); vertex_count];
+        let mut stars = vec![SmallVec::new(); vertex_count];
         for (number, face) in (0..).zip(&faces) {
             face.iter().for_each(|&vertex| stars[vertex as usize].push(number));
         }
@@ -79,14 +87,12 @@ impl Surface {
         Self { faces, stars, merged: (0..vertex_count as u32).collect(), places }
     }
 
-    /// The edges around a vertex: of each of its faces the one that it faces, and from each end of the border that it
-    /// lies on to the vertex beyond.
+    /// The edges around a vertex: of each of its faces the one that it faces. On a border they go on from both ends to
+    /// the vertex beyond.
     fn link(&self, vertex: u32) -> Vec<[u32; 2]> {
         let star = &self.stars[vertex as usize];
         let across = |&face: &u32| {
-            let face = self.faces[face as usize];
-            let k = face.iter().position(|&corner| corner == vertex).unwrap_or_default();
-            let (a, b) = (face[(k + 1) % 3], face[(k + 2) % 3]);
+            let [a, b] = other_corners(self.faces[face as usize], vertex);
             [a.min(b), a.max(b)]
         };
         let mut link: Vec<_> = star.iter().map(across).collect();
@@ -152,7 +158,7 @@ impl Surface {
                 continue;
             }
             for corner in corners {
-                self.stars[corner as usize].retain(|&other| other != face);
+                self.stars[corner as usize].retain(|other| *other != face);
             }
             self.faces[face as usize] = [kept; 3];
         }
@@ -160,17 +166,8 @@ impl Surface {
 
     /// The vertices that are left, and the faces with their places among these.
     fn compact(self) -> (Vec<u32>, Vec<[u32; 3]>) {
-        let mut numbers = self.merged;
-        let mut vertices = Vec::new();
-        for (vertex, star) in (0..).zip(&self.stars) {
-            numbers[vertex as usize] = vertices.len() as u32;
-            if !star.is_empty() {
-                vertices.push(vertex);
-            }
-        }
-        let there = self.faces.into_iter().filter(|[a, b, _]| a != b);
-        let faces = there.map(|face| face.map(|vertex| numbers[vertex as usize])).collect();
-        (vertices, faces)
+        let faces = self.faces.into_iter().filter(|[a, b, _]| a != b);
+        kept_part(self.stars.len(), |vertex| !self.stars[vertex].is_empty(), faces)
     }
 }
 
@@ -179,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_octahedron_whose_upper_half_is_a_point_becomes_a_point_with_a_base() {
+    fn an_octahedron_loses_two_faces_with_an_edge_and_all_of_them_at_one_place() {
         // The vertices 0 to 3 around, 4 above, 5 below.
         let faces: Vec<_> =
             (0..4).flat_map(|k| [[k, (k + 1) % 4, 4], [(k + 1) % 4, k, 5]]).collect();

@@ -12,11 +12,13 @@
 //! # Where it is not smooth
 //! Which edges are crossed steps as a number of the field changes its sign: there faces come and go. A vertex is then
 //! at the point itself, so the surface moves without a jump. Where it is exactly there, vertices of several edges
-//! coincide. They are merged as far as the surface stays a manifold (`coincident`). A merged vertex moves along the first
-//! of its edges.
+//! coincide. They are merged as far as the surface stays a manifold (`coincident`). A merged vertex moves along the
+//! first of its edges.
 //!
 //! # By hand
-//! A composition gathers both ends, and writes some ten arrays of the size of the surface. This saves the ends alone.
+//! A composition gathers the ends of the edges, and writes some ten arrays of the size of the surface. A step of
+//! 193,000 vertices and its gradients take 39 ms so, and 31 ms by hand, of which 20 ms find the surface. With offsets
+//! that are learnt they take 61 ms, and 41 ms by hand.
 //!
 //! # Source
 //! Shen et al., *Deep marching tetrahedra*, NeurIPS 2021, eq. (2). Kuhn, *Some combinatorial lemmas in topology*, IBM
@@ -58,16 +60,16 @@ pub struct FieldSurface<'t, T: Scalar> {
 /// field without a change of sign has an empty surface. Numbers that are exactly 0 count as outside. There vertices
 /// coincide, and faces without an area are dropped unless that would tear or pinch the surface.
 ///
-/// Offsets along an axis below a sixth of the spacing leave every tetrahedron its orientation; larger ones may fold the
-/// surface.
+/// Offsets along an axis below a sixth of the spacing leave every tetrahedron its orientation; larger ones may fold
+/// the surface.
 ///
 /// The field alone is visited where nothing changes sign, a bit for each point; a gradient is 0 there. A mesh is made
 /// in each step.
 ///
 /// # Errors
-/// `TensorError::Shape` for a field or offsets of another shape; [`MeshError::FieldValue`] for a number of the field
-/// that is not finite; [`MeshError::PointPosition`] for offsets that are not, or lead out of the range of the numbers;
-/// `RenderError::MeshSize` for 2^31 vertices or faces and more.
+/// `TensorError::Shape` is for a field or offsets of another shape. [`MeshError::FieldValue`] is for a number of the
+/// field that is not finite. [`MeshError::PointPosition`] is for offsets that are not, or lead out of the range of
+/// the numbers. `RenderError::MeshSize` is for 2^31 vertices or faces and more.
 #[inline(never)]
 pub fn field_surface<'t, T: Scalar>(
     field: Var<'t, T>,
@@ -230,6 +232,7 @@ impl<T: Scalar> Op<T> for OfField {
     }
 
     fn saved_bytes(&self, saved: &Saved<T>) -> usize {
-        size_of_val(&saved.edges[..]) + size_of_val(&saved.vertices[..])
+        let faces = saved.mesh.as_ref().map_or(0, |mesh| size_of_val(mesh.faces()));
+        size_of_val(&saved.edges[..]) + size_of_val(&saved.vertices[..]) + faces
     }
 }

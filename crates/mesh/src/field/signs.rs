@@ -1,8 +1,8 @@
 //! On which side of the surface each point lies, a bit for each, and which edges of the grid cross it.
 //!
-//! A cube is split along its diagonal into six tetrahedra. So a point is the lower end of up to seven edges: to the
-//! corners `d` of the cell above it, `d` from 1 to 7. Bit 4 of `d` is a step along x, bit 2 along y, bit 1 along z.
-//! A word has the bits of 64 points along z, so that 64 cells are compared at once.
+//! A cube is split along its diagonal into six tetrahedra. So a point is the lower end of up to seven edges. They
+//! lead to the corners `d` of the cell above it, `d` from 1 to 7. Bit 4 of `d` is a step along x, bit 2 along y, bit
+//! 1 along z. A word has the bits of 64 points along z, so that 64 cells are compared at once.
 //!
 //! Vertices are numbered by word, then by `d`, then by point. So the number of a vertex is that of the first one
 //! of its word and `d`, and a count of bits.

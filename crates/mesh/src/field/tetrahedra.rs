@@ -1,8 +1,8 @@
 //! The faces inside the tetrahedra of a cell.
 //!
-//! A cube is split into six tetrahedra, one for each order of the axes: from corner 0 along one axis, then along a
-//! second one to corner 7 (Kuhn 1960). The diagonals of a side that two cubes share are one in both, so faces fit
-//! each other across cells.
+//! A cube is split into six tetrahedra, one for each order of the axes (Kuhn 1960). Each goes from corner 0 along one
+//! axis, then along a second one, and ends in corner 7. The diagonals of a side that two cubes share are one in both,
+//! so faces fit each other across cells.
 //!
 //! In a tetrahedron the surface is one triangle where one corner lies apart from the others, and two where two do.
 //! Each edge of a triangle lies on a side of the tetrahedron, and the tetrahedron beyond has it, too. So surfaces
@@ -111,7 +111,8 @@ mod tests {
         }
     }
 
-    /// With vertices in the middle of edges, each inner corner lies behind each triangle, and each outer one before it.
+    /// With vertices in the middle of edges, each inner corner lies behind each triangle, and each outer one before
+    /// it.
     #[test]
     fn triangles_turn_their_front_to_the_outside() {
         for (case, triangles) in TRIANGLES.into_iter().enumerate() {

@@ -3,8 +3,8 @@
 //! # Forward
 //! With `a` the end inside and `b` the one outside, `f_a < 0 <= f_b`, and `r = f_b / f_a`: `w_b = 1 / (1 - r)`,
 //! `w_a = -r w_b`, and `p = w_a p_a + w_b p_b`. That is `(p_a f_b - p_b f_a) / (f_b - f_a)`, without a product that
-//! could overflow. It is reckoned from the nearer end: a vertex at a point stands exactly there, and one on a plane of the
-//! grid exactly in it.
+//! could overflow. It is reckoned from the nearer end. So a vertex at a point stands exactly there, and one on a
+//! plane of the grid exactly in it.
 //!
 //! # Backward
 //! With `g = p_bar . (p_b - p_a)` and `s = f_a - f_b`, which is negative: `f_bar_a += g w_a / s`,

@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 
 use super::surface::{Around, Site, Surface};
 use crate::box_tree::{Bounds, BoxTree};
-use crate::triangle::repeats_a_vertex;
+use crate::triangle::{other_corners, repeats_a_vertex};
 
 /// Stands for no vertex: the corners of a face that is gone.
 pub(super) const NONE: u32 = u32::MAX;
@@ -155,8 +155,7 @@ impl<'a> Changing<'a> {
             if !face.contains(&other) {
                 continue;
             }
-            let corner = (0..3).find(|k| face[*k] == a)?;
-            let [next, last] = [1, 2].map(|step| face[(corner + step) % 3]);
+            let [next, last] = other_corners(face, a);
             let (side, across) = if next == b { (0, last) } else { (1, next) };
             if edge.faces[side] != NONE {
                 return None;
@@ -177,9 +176,7 @@ impl<'a> Changing<'a> {
 
     /// The corner of a face after and before `vertex`.
     pub(super) fn other_corners(&self, face: u32, vertex: u32) -> [u32; 2] {
-        let face = self.faces[face as usize];
-        let corner = usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex);
-        [face[(corner + 1) % 3], face[(corner + 2) % 3]]
+        other_corners(self.faces[face as usize], vertex)
     }
 
     /// Moves a vertex to a place of the old surface.
@@ -316,12 +313,9 @@ impl<'a> Changing<'a> {
 /// What may be done to a vertex by its faces alone, and whether the surface ends there.
 fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
     // Each face as a step from the corner after the vertex to the one before.
-    let mut steps: SmallVec<[[u32; 2]; 8]> = SmallVec::new();
-    for &index in &around[vertex as usize] {
-        let face = faces[index as usize];
-        let corner = usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex);
-        steps.push([face[(corner + 1) % 3], face[(corner + 2) % 3]]);
-    }
+    let own = around[vertex as usize].iter();
+    let mut steps: SmallVec<[[u32; 2]; 8]> =
+        own.map(|&face| other_corners(faces[face as usize], vertex)).collect();
     steps.sort_unstable();
     let mut ends: SmallVec<[u32; 8]> = steps.iter().map(|step| step[1]).collect();
     ends.sort_unstable();

@@ -1,10 +1,10 @@
 //! Remeshing: edges split, collapsed and flipped until they have the lengths that are asked for.
 //!
 //! # Method
-//! Each iteration splits edges longer than 4/3 of their length, collapses those shorter than 4/5, flips edges toward
-//! six at each vertex (four at a boundary), and moves vertices along the surface. Every vertex is a point of the old
-//! surface: a face and barycentric coordinates. A vertex that is made or moved goes to the point that a walk over
-//! the old faces finds next to it.
+//! Each iteration splits edges longer than 4/3 of their length, and collapses those shorter than 4/5. It flips edges
+//! toward six at each vertex, or four at a boundary, and moves vertices along the surface. Every vertex is a point of
+//! the old surface: a face and barycentric coordinates. A vertex that is made or moved goes to the point that a walk
+//! over the old faces finds next to it.
 //!
 //! # What is kept
 //! - The Euler characteristic and the parts. What is closed stays closed. (The link condition of a collapse; no flip
@@ -12,8 +12,9 @@
 //! - Boundaries. Their vertices never leave them, and vanish only where a boundary runs straight, to 30 degrees.
 //!   Vertices that lie at one place, as at a texture seam, are boundaries: their sides may part. Join them first.
 //! - Seams of the [`Mesh`]: they are split, but neither collapsed nor flipped, and their vertices stay.
-//! - Edges of three faces and more, and of two that run through them in one direction; vertices at which faces meet
-//!   that share no edge; faces that name a vertex twice; vertices without a face.
+//! - Edges of three faces and more, and of two that run through them in one direction.
+//! - Vertices at which faces meet that share no edge, and vertices without a face.
+//! - Faces that name a vertex twice.
 //! - The sides of faces: no change turns a normal by more than 45 degrees, or makes a sliver of better faces.
 //! - With [`keeps_apart`](RemeshOptions::keeps_apart) no change lets more faces cross than before.
 //!
@@ -37,7 +38,7 @@ mod tests;
 use bokashi_core::{Scalar, SparseMatrix, Tensor};
 use bokashi_render_ops::Mesh;
 
-use crate::derived_mesh::DerivedMesh;
+use crate::derived_mesh::{DerivedMesh, kept_part};
 use crate::error::MeshError;
 use crate::placed::Placed;
 use changing::{Changing, NONE};
@@ -46,8 +47,8 @@ use surface::Site;
 
 /// Remeshes the faces of `mesh` at `positions: [V, 3]`.
 ///
-/// New vertices are points of the old surface, so each row of the weights has at most three entries. Vertices and faces
-/// that are kept have their order, and new ones follow. 20,000 faces take about a tenth of a second.
+/// New vertices are points of the old surface, so each row of the weights has at most three entries. Vertices and
+/// faces that are kept have their order, and new ones follow. 20,000 faces take about a tenth of a second.
 ///
 /// ```
 /// use bokashi_core::Tensor;
@@ -70,8 +71,8 @@ use surface::Site;
 ///
 /// # Errors
 /// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a position for each vertex;
-/// [`TensorError::Value`](bokashi_core::TensorError::Value) for a position that is not finite, or a length that is not
-/// a positive number, or another number of lengths than of vertices.
+/// [`TensorError::Value`](bokashi_core::TensorError::Value) for positions that are not finite, lengths that are not
+/// positive numbers, and another number of lengths than of vertices.
 pub fn remesh<T: Scalar>(
     positions: &Tensor<T>,
     mesh: &Mesh,
@@ -103,23 +104,20 @@ impl Changing<'_> {
         let old_count = positions.shape()[0];
         // A vertex without a proper face was there before, or has vanished.
         let stays = |v: usize| self.sites[v] == Site::NOWHERE || !self.around[v].is_empty();
-        let (mut names, mut count) = (vec![NONE; self.points.len()], 0);
-        let mut triplets = Vec::new();
-        for v in (0..self.points.len()).filter(|v| stays(*v)) {
-            names[v] = count;
-            match self.sites[v] {
-                Site::NOWHERE => triplets.push((count, v as u32, 1.0)),
-                site => {
-                    let weights = self.surface.weights(site).into_iter().filter(|it| it.1 != 0.0);
-                    triplets.extend(weights.map(|(vertex, weight)| (count, vertex, weight)));
-                }
-            }
-            count += 1;
-        }
         let is_left = |face: &&[u32; 3]| face[0] != NONE;
         let left: Vec<_> = self.faces.iter().filter(is_left).copied().collect();
-        let faces = left.iter().map(|face| face.map(|vertex| names[vertex as usize])).collect();
-        let mut mesh = Mesh::new(faces, count as usize)?;
+        let (kept, faces) = kept_part(self.points.len(), stays, left.iter().copied());
+        let mut triplets = Vec::new();
+        for (row, &kept) in (0..).zip(&kept) {
+            match self.sites[kept as usize] {
+                Site::NOWHERE => triplets.push((row, kept, 1.0)),
+                site => {
+                    let weights = self.surface.weights(site).into_iter().filter(|it| it.1 != 0.0);
+                    triplets.extend(weights.map(|(vertex, weight)| (row, vertex, weight)));
+                }
+            }
+        }
+        let mut mesh = Mesh::new(faces, kept.len())?;
         let is_seam = |face: usize, corner: usize| {
             let [a, b] = [1, 2].map(|step| left[face][(corner + step) % 3]);
             self.is_seam(a, b)
@@ -127,7 +125,7 @@ impl Changing<'_> {
         if (0..left.len()).any(|face| (0..3).any(|corner| is_seam(face, corner))) {
             mesh = mesh.with_seams(is_seam);
         }
-        let weights = SparseMatrix::new(count as usize, old_count, triplets)?;
+        let weights = SparseMatrix::new(kept.len(), old_count, triplets)?;
         DerivedMesh::new(positions, mesh, weights)
     }
 }

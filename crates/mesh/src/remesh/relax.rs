@@ -1,7 +1,7 @@
 //! Vertices moved along the surface, toward the middle of their neighbours.
 //!
-//! With neighbours `x_j` and the lengths `t` asked for, the middle is the mean with the weights `1 / (t + t_j)`:
-//! edges balance there if each has its length. Its offset along the normal is left out (Botsch and Kobbelt's
+//! With neighbours `x_j` and the lengths `t` asked for, the middle is the mean with the weights `1 / (t + t_j)`.
+//! Edges balance there if each has its length. Its offset along the normal is left out (Botsch and Kobbelt's
 //! tangential smoothing), and the point is put on the old surface.
 
 use bokashi_render_ops::glam::DVec3;

@@ -47,8 +47,8 @@ impl Changing<'_> {
         }
     }
 
-    /// Splits an edge unless one of its faces has a longer one, which comes first: where that may not be split,
-    /// edges beside it would be halved without end.
+    /// Splits an edge unless one of its faces has a longer one, which comes first. Where that may not be split, edges
+    /// beside it would be halved without end.
     fn try_split(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
         let length = self.relative_length(a, b);

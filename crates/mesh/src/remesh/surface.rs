@@ -94,7 +94,7 @@ impl<'a> Surface<'a> {
 
     fn nearest_on(&self, face: u32, p: DVec3) -> (Site, f64) {
         let corners = self.faces[face as usize].map(|vertex| self.points[vertex as usize]);
-        let site = Site { face, weights: nearest(corners, p) };
-        (site, self.point(site).distance_squared(p))
+        let (weights, square) = nearest(corners, p);
+        (Site { face, weights }, square)
     }
 }

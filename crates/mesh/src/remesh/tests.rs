@@ -1,6 +1,8 @@
 //! Laws of remeshing.
 
-use bokashi_core::{Tensor, parallel};
+use std::f64::consts::PI;
+
+use bokashi_core::Tensor;
 use bokashi_render_ops::glam::DVec3;
 use proptest::prelude::*;
 
@@ -9,6 +11,7 @@ use super::*;
 use crate::connectivity::Connectivity;
 use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
 use crate::measures::{self_intersections, signed_volume, surface_area};
+use crate::subdivide::{Subdivision, subdivide};
 use crate::triangle::{area_vector, quality};
 
 fn remeshed(model: &Model, options: &RemeshOptions) -> Model {
@@ -174,17 +177,33 @@ fn seams_keep_their_line() {
 }
 
 #[test]
-fn the_same_bits_come_from_any_number_of_threads_and_in_single_precision_too() {
+fn a_boundary_keeps_corners_of_120_degrees_and_loses_vertices_where_it_is_straight() {
+    let corner = |k: u32| {
+        let (sin, cos) = (f64::from(k) * PI / 3.0).sin_cos();
+        DVec3::new(cos, sin, 0.0)
+    };
+    let corners: Vec<_> = (0..6).map(corner).collect();
+    let hexagon = Model {
+        points: [DVec3::ZERO].into_iter().chain(corners.iter().copied()).collect(),
+        faces: (0..6).map(|k| [0, k + 1, (k + 1) % 6 + 1]).collect(),
+    };
+    let fine = subdivide(&hexagon.positions(), &hexagon.mesh(), Subdivision::Midpoint).unwrap();
+    let fine = Model { points: rows(&fine.positions), faces: fine.mesh.faces().to_vec() };
+    for model in [hexagon, fine] {
+        let new = remeshed(&model, &RemeshOptions::uniform(3.0));
+        assert!(corners.iter().all(|corner| new.points.contains(corner)), "{:?}", new.points);
+        assert_eq!(Connectivity::new(&new.mesh()).boundary_edges, 6);
+    }
+}
+
+#[test]
+fn the_same_bits_come_out_twice_and_in_single_precision_too() {
     let model = torus(20, 12, 0.4).shaken(0.02, 5);
     let options = RemeshOptions::uniform(0.1);
     let single = model.positions().cast::<f32>();
-    let of = |threads| {
-        let work = || remesh(&single, &model.mesh(), &options).unwrap();
-        parallel::with_threads(threads, work)
-    };
-    let [one, four] = [1, 4].map(of);
-    assert_eq!(one.positions, four.positions);
-    assert_eq!((one.mesh.faces(), &one.weights), (four.mesh.faces(), &four.weights));
+    let [one, other] = [(); 2].map(|()| remesh(&single, &model.mesh(), &options).unwrap());
+    assert_eq!(one.positions, other.positions);
+    assert_eq!((one.mesh.faces(), &one.weights), (other.mesh.faces(), &other.weights));
     assert_eq!(one.carry(&single).unwrap(), one.positions);
 }
 

@@ -208,6 +208,19 @@ fn a_surface_agrees_with_itself_and_less_with_another() {
     let [(one, faces), (two, others)] = [square(0), square(1)];
     let crossed = normal_consistency((&one, &faces), (&two, &others), 100, 3).unwrap();
     assert!(crossed.abs() < 1e-12, "{crossed}");
+    // A flat square, and the same with an upright one far above it. Seen from the flat one they agree. Seen from the
+    // upright half of the other surface they are at right angles.
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let flat: Vec<_> = corners.iter().map(|&[u, v]| [u, v, 0.0]).collect();
+    let upright = corners.iter().map(|&[u, v]| [u, 0.0, v + 5.0]);
+    let both: Vec<_> = flat.iter().copied().chain(upright).collect();
+    let faces = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let flat = (cloud(&flat), Mesh::new(faces[..2].to_vec(), 4).unwrap());
+    let both = (cloud(&both), Mesh::new(faces, 8).unwrap());
+    for [one, other] in [[&flat, &both], [&both, &flat]] {
+        let mean = normal_consistency((&one.0, &one.1), (&other.0, &other.1), 100, 3).unwrap();
+        assert!((mean - 0.75).abs() < 1e-12, "{mean}");
+    }
 }
 
 #[test]
@@ -261,11 +274,11 @@ fn what_has_no_distance_is_refused() {
     );
     assert_eq!(
         refusal(draw_points(&some, &flat, 4, 0)),
-        "draw_points needs a surface with an area, got 2 faces that have none"
+        "draw_points needs a face with an area, got none among 2"
     );
     assert_eq!(
         refusal(draw_points(&some, &empty, 4, 0)),
-        "draw_points needs a surface with an area, got 0 faces that have none"
+        "draw_points needs a face with an area, got none among 0"
     );
     assert_eq!(
         refusal(draw_points(&some, &flat, 1 << 31, 0)),
@@ -277,7 +290,7 @@ fn what_has_no_distance_is_refused() {
     );
     assert_eq!(
         refusal(normal_consistency((&some, &flat), (&some, &flat), 4, 0)),
-        "normal_consistency needs a surface with an area, got 2 faces that have none"
+        "normal_consistency needs a face with an area, got none among 2"
     );
     let (positions, mesh) = ball(0.8);
     assert_eq!(

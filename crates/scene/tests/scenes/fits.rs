@@ -12,7 +12,7 @@ use glam::{DMat4, DQuat, DVec3};
 use crate::rays::{Ball, Eye, blurred, blurred_by_disc, light, photograph, through_lens};
 
 /// Degrees of view of all cameras.
-const ANGLE: f64 = 38.0;
+pub(crate) const ANGLE: f64 = 38.0;
 
 /// Directions all over the sphere, Fibonacci's.
 fn all_over(count: usize) -> impl Iterator<Item = DVec3> {

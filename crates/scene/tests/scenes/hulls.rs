@@ -12,9 +12,9 @@ use bokashi_render_ops::Mesh;
 use bokashi_scene::{Attribute, Location, Object, Picture, Samples, Scene, SceneFit};
 use glam::DVec3;
 
-use crate::fits::views;
+use crate::fits::{ANGLE, views};
 use crate::fixtures::load;
-use crate::rays::Ball;
+use crate::rays::{Ball, Eye, photograph};
 
 /// Balls that overlap in a ring around z.
 fn ring() -> Vec<Ball> {
@@ -62,7 +62,7 @@ fn a_hull_of_a_ring_is_closed_and_has_a_hole() {
 }
 
 #[test]
-fn a_wrong_mask_does_not_carve_a_hull_away() {
+fn no_wrong_mask_and_no_other_camera_carves_a_hull_away() {
     let folder = tempfile::tempdir().unwrap();
     let text = photographs(folder.path(), 16, 16, 64);
     let volume = |scene: &Scene| {
@@ -85,7 +85,17 @@ fn a_wrong_mask_does_not_carve_a_hull_away() {
         wrong.replace("image = \"images/7.png\"", "image = \"images/7.png\"\nmask = \"full.png\"");
     let found = volume(&load(folder.path(), &(HULL.to_owned() + &wrong)));
     assert!((0.9..1.3).contains(&(found / truth)), "{found} for {truth}");
-    // A camera that looks elsewhere says nothing of the object, and one that is close sees a part of it.
+    // A camera that is close sees a part of the object, and says nothing of the rest.
+    let towards = DVec3::new(0.6, 0.5, 0.9).normalize();
+    let eye = Eye { position: 2.0 * towards, angle: ANGLE, pixels: 64 };
+    fs::write(folder.path().join("close.png"), photograph(&ring(), &eye)).unwrap();
+    let [x, y, z] = eye.position.to_array();
+    let close = format!(
+        "{text}[[views]]\nimage = \"close.png\"\ncamera = {{ position = [{x}, {y}, {z}], angle = {ANGLE:?} }}\n"
+    );
+    let found = volume(&load(folder.path(), &(HULL.to_owned() + &close)));
+    assert!((0.9..1.05).contains(&(found / truth)), "{found} for {truth}");
+    // One that looks elsewhere says nothing.
     let aside = |text: &str, image: &str, rest: &str| {
         let view = text.find(image).unwrap();
         let end = view + text[view..].find(", angle").unwrap();

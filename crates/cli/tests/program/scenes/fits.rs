@@ -211,6 +211,24 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
         assert_eq!(frames_of(&bytes), frames, "{file}");
         assert_eq!(Picture::decode_size(&bytes, &Location::new(file)).unwrap(), [32, 32]);
     }
+    // It shows what was learnt, to six bits.
+    let still = Picture::decode(
+        &out.read("views/turntable-still.png").unwrap(),
+        &Location::new("turntable-still.png"),
+    );
+    let still = still.unwrap();
+    let off = |scene: &Scene| {
+        let turned = scene.turntable(36).unwrap();
+        let picture = turned.pictures(1).unwrap().next().unwrap().unwrap();
+        let shown = (0..3).map(|channel| still.channel(channel).unwrap()).collect::<Vec<_>>();
+        let off = |k: usize| picture.data()[k] - shown[k % 3].data()[k / 3];
+        (0..picture.size()).map(|k| off(k).abs()).fold(0.0, f32::max)
+    };
+    let scene = Scene::load(folder.join("photos/scene.toml")).unwrap();
+    assert!(off(&scene) > 0.1, "{}", off(&scene));
+    let fit = SceneFit::resume(scene, folder.join("photos/out/checkpoint.safetensors")).unwrap();
+    let learnt = fit.learnt().unwrap();
+    assert!(off(&learnt) < 0.02, "{}", off(&learnt));
 }
 
 #[test]

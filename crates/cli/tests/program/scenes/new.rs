@@ -21,8 +21,41 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
     assert!(center.distance(DVec3::new(2.0, 1.0, 0.0)) < 0.2, "{center}");
     let [told, _] = ended(folder, &["inspect", "ball/scene.toml"], 0);
     assert!(told.contains("at least      100 % of an object's vertices"), "{told}");
+    assert!(
+        told.contains("new faces     edges of ") && told.contains(", every 50 steps\n"),
+        "{told}"
+    );
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     assert!(!told.contains("problem"), "{told}");
+}
+
+#[test]
+fn masks_that_make_no_hull_lead_to_a_sphere_and_a_note() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    photographs(folder, 4, 4);
+    // All look along one direction.
+    let side_by_side = |k: f64| {
+        let pose = DMat4::from_translation(DVec3::new(0.1 * k, 0.0, 4.0));
+        pose.transpose().to_cols_array_2d()
+    };
+    let frames = (0..4).map(|k| {
+        let name = format!("images/{k:02}.png");
+        json!({ "file_path": name, "transform_matrix": side_by_side(k.into()) })
+    });
+    let frames: Vec<_> = frames.collect();
+    let all = json!({ "w": 32, "h": 32, "fl_x": 48, "frames": frames });
+    write(folder, "photos/transforms.json", all.to_string());
+    let said = said(folder, &["new", "ball", "--images", "photos"]);
+    let note = "note: the fit starts from a sphere: ball/scene.toml:";
+    assert!(
+        said.contains(note) && said.contains("a hull needs cameras that look at one place"),
+        "{said}"
+    );
+    assert!(said.contains("mesh     a sphere to start from\n"), "{said}");
+    let fit = step(folder, "ball/scene.toml");
+    assert_eq!(names(&fit), ["vertices/object", "texture/object"]);
+    assert!(fit.scene().description.stages.iter().all(|stage| stage.remesh.is_none()));
 }
 
 /// A recipe that is there as a comment works without its comment signs.
