@@ -13,7 +13,7 @@ use crate::materials::{check_material, material_of};
 use crate::step::{Recorded, record};
 
 /// The weights by which surfaces see a cube map of `extent` x `extent` texels a face, in `levels` of roughness from 0
-/// to 1. They depend on its size alone: make them once. `extent` is a power of two up to 256; for 64, with three or four
+/// to 1. They depend on its size alone: make them once. `extent` is a power of two up to 256. For 64, with three or four
 /// levels, the weights take 50 MB in a type of numbers.
 #[pyclass(frozen, module = "bokashi")]
 pub struct Prefilter {

@@ -151,6 +151,7 @@ def test_cameras_lenses_and_light_have_true_gradients(generator):
         (lambda i, d, a, f: bokashi.depth_of_field(i, d, a, f), uniform(0, 1, 9, 8, 2), uniform(1, 3, 9, 8), np.array(1.5), np.array(2.0)),
     ]:
         check_gradients(function, arrays, generator)
+    assert bokashi.se3(np.zeros(6), matrix)[1](np.eye(4), wanted=(True, False))[1] is None
     lights = [
         ("directional", normal(3) + [0, 0, 3], uniform(0.5, 1, 3)), ("point", np.array([0.5, 1, 4.0]), uniform(1, 2, 3)),
         ("ambient", uniform(0.1, 0.3, 3)),

@@ -272,11 +272,20 @@ def test_every_entry_of_the_catalogue_has_a_function_or_a_reason():
     assert [name for name in entries if name not in ENTRIES and name not in ABSENT] == []
     assert [name for name in (*ENTRIES, *ABSENT) if name not in entries] == []
     import importlib
+    import inspect
 
-    for module in ("bokashi", "bokashi.torch", "bokashi.jax"):
+    for module, of_one, of_more in [
+        ("bokashi", "tuple[NDArray, PullBack]", "tuple[Any, PullBack]"), ("bokashi.torch", "Tensor", "Any"),
+        ("bokashi.jax", "Array", "Any"),
+    ]:
         try:
             found = importlib.import_module(module)
         except ImportError:
             continue
         names = {name for names in ENTRIES.values() for name in names.split()}
         assert [name for name in sorted(names) if not hasattr(found, name) or name not in found.__all__] == []
+        functions = {name: getattr(found, name) for name in names}
+        assert {(function.__module__, function.__name__) for function in functions.values()} == {(module, name) for name in names}
+        returned = {name: inspect.signature(function).return_annotation for name, function in functions.items()}
+        several = {"depth_layers", "field_surface", "mipmaps", "prefiltered", "rasterize", "rasterize_behind"}
+        assert returned == {name: of_more if name in several else of_one for name in names}

@@ -273,8 +273,22 @@ def test_a_compiled_function_calls_it_as_it_is(generator):
         return (bt.render(clip * 1.0, mesh, colors.sigmoid(), 16, silhouettes="antialias") ** 2).sum()
 
     compiled = torch.compile(loss, backend="eager")
-    expected = loss(clip, colors)
-    assert torch.equal(compiled(clip, colors), expected)
+    (value, bar), (expected, expected_bar) = (
+        (y := f(clip, x := colors.clone().requires_grad_()), torch.autograd.grad(y, x)[0]) for f in (compiled, loss)
+    )
+    assert torch.equal(value, expected) and torch.equal(bar, expected_bar) and bar.abs().sum() > 0
+
+
+def test_fragments_in_a_compiled_function_are_what_they_are(generator):
+    mesh, clip = scene(generator, np.float32)
+    clip, colors = torch.from_numpy(clip), torch.rand(7, 3)
+
+    def image(clip, colors):
+        fragments = bt.rasterize(clip, mesh, 16, exact=True, creases=[colors])
+        return bt.picture(bt.interpolate(colors, fragments) ** 2, fragments, [0.1, 0.2, 0.3])
+
+    compiled = torch.compile(image, backend="eager")
+    assert torch.equal(compiled(clip, colors), image(clip, colors))
 
 
 def test_tensors_that_are_not_contiguous_are_read_as_they_are(generator):

@@ -16,9 +16,9 @@ from ._native import Mesh
 class Dual:
     """An array with a tangent: what it is, and how it moves along one direction. Both are of float64 and of one shape.
 
-    Operations of bokashi take it in place of an array and return such arrays, their pull-backs too. So do the arithmetic
-    of Python and the functions of numpy in `Dual.SLOPES` and `Dual.LINEAR`, but for `out` and `initial`. Comparisons go by
-    value, so it has no hash. Others refuse it: a tangent is not lost in silence.
+    Operations of bokashi take it in place of an array and return such arrays, their pull-backs too. So do the
+    arithmetic of Python and the functions of numpy in `Dual.SLOPES` and `Dual.LINEAR`, but for `out` and `initial`.
+    Comparisons go by value, so it has no hash. Others refuse it: a tangent is not lost in silence.
 
     >>> x = Dual([1.0, 2.0], [1.0, 0.0])
     >>> (x * x + 3).value, (x * x + 3).tangent
@@ -247,12 +247,12 @@ def jvp(
     """`f(x)` and `J v`, the derivative of `f` at `point` along `direction`: no differences, one run.
 
     `function(*arrays) -> (value, pull_back)` is an operation of bokashi, or is made of them and of the arithmetic of
-    `Dual`. Its value may be fragments, meshes, and lists and tuples. The derivative has the same form: 0 stands for what
-    does not move, meshes and `None` for themselves. A direction has an array for each of the point, of its shape. Numbers are
-    of float64.
+    `Dual`. Its value may be fragments, meshes, and lists and tuples. The derivative has the same form: 0 stands for
+    what does not move, meshes and `None` for themselves. A direction has an array for each of the point, of its shape.
+    Numbers are of float64.
 
-    Where branches meet, it is the derivative of the one that is taken: so with exact coverage keep vertices off the very
-    borders of pixels. What a gradient takes as it is moves here: the denominator of `mean_error` with the penalty
+    Where branches meet, it is the derivative of the one that is taken: so with exact coverage keep vertices off the
+    very borders of pixels. What a gradient takes as it is moves here: the denominator of `mean_error` with the penalty
     "relative".
 
     >>> import bokashi
@@ -271,8 +271,8 @@ def hvp(
     """The gradient of a loss at `point`, and `H v`, the Hessian times `direction`: an array for each of the point.
 
     `function(*arrays) -> (value, pull_back)` is as in `jvp`, its value a single number. Gradients of the arrays come
-    first and in their order. `None`, where no gradient is kept, stays `None`. An array without a gradient may not
-    move: a part of the product would be missing. The silhouettes of a picture move with its vertices, and that is in the
+    first and in their order. `None`, where no gradient is kept, stays `None`. An array without a gradient may not move:
+    a part of the product would be missing. The silhouettes of a picture move with its vertices, and that is in the
     gradient. Which faces and pixels meet stays as it is.
 
     >>> import bokashi
