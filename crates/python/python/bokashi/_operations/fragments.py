@@ -29,8 +29,8 @@ def rasterize(
     the creases' attributes, which get none).
     """
     height, width = size_of(size)
-    pairs: list[Any] = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    meshes = [own for _, own in pairs]
+    shown = [crease[0] if isinstance(crease, tuple) else crease for crease in creases]
+    meshes = [crease[1] if isinstance(crease, tuple) else None for crease in creases]
     found: list[_native.Coverage] = []
 
     def run(clip: Any, *attributes: Any) -> Any:
@@ -44,7 +44,7 @@ def rasterize(
         return Fragments(outputs[0], outputs[1] if exact else None, arrays[0], found[0])
 
     # Where creases are depends on attributes that may be learnt: nothing is lost by the gradient that they lack.
-    return Step(run, [clip, *(values for values, _ in pairs)], None, ("",) * len(pairs), result)
+    return Step(run, [clip, *shown], None, ("",) * len(shown), result)
 
 
 def interpolate(attributes: ArrayLike, fragments: Fragments[Any], mesh: Mesh | None = None) -> Single:
