@@ -102,13 +102,13 @@ class _Recorded(torch.autograd.Function):
         return None, *map(_to_tensor, gradients)
 
 
-def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
-    """A number as a tensor of the type of another; tensors and `None` stay as they are."""
-    return value if value is None or isinstance(value, torch.Tensor) else torch.as_tensor(value, dtype=tensor.dtype)
+def _like(value: Value, tensor: Tensor) -> Tensor:
+    """A number as a tensor of the type of another."""
+    return torch.as_tensor(value, dtype=tensor.dtype)
 
 
 def _still(name: str, tensor: Tensor | None) -> Any:
-    """The numbers of a tensor that gets no gradient. One with a name that asks for it is refused: nothing is silent."""
+    """The numbers of a tensor that gets no gradient. One with a name is refused where it asks for it."""
     if name and isinstance(tensor, Tensor):
         if tensor.requires_grad and torch.is_grad_enabled():
             raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
@@ -122,11 +122,11 @@ def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     return _Mesh(_to_array(faces) if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
 
 
-def _with_spare(run: Callable, *spare: Any) -> Callable:
-    """A step with further inputs that have no gradient."""
+def _with_spare(run: Callable, spare: Sequence[Any]) -> Callable:
+    """A step that is given further arrays, which have no gradient."""
 
     def run_with(*arrays):
-        outputs, pull_back = run(*arrays)
+        outputs, pull_back = run(*arrays, *spare)
         more = (False,) * len(spare)
 
         def pull(*upstream, wanted):
@@ -146,16 +146,16 @@ def _of_torch(describe: Callable[..., Step]) -> Callable[..., Any]:
 
     def function(*arguments: Any, **options: Any) -> Any:
         step = describe(*arguments, **options)
-        first = next((x for x in step.arrays if isinstance(x, Tensor)), None)
-        tensors = [x if first is None else _like(x, first) for x in step.arrays]
-        count = len(tensors) - len(step.still)
-        spare = [_still(name, tensor) for name, tensor in zip(step.still, tensors[count:])]
-
-        def run(*arrays: Any) -> Any:
-            return step.run(*arrays, *spare)
-
-        outputs = _Recorded.apply(_with_spare(run, *spare) if spare else step.run, *tensors[:count])
-        return step.result(outputs, tensors)
+        run, tensors = step.run, step.arrays
+        for first in tensors:
+            if isinstance(first, Tensor):
+                tensors = [x if x is None or isinstance(x, Tensor) else _like(x, first) for x in tensors]
+                break
+        given = tensors
+        if step.still:
+            given = tensors[: -len(step.still)]
+            run = _with_spare(run, [_still(name, x) for name, x in zip(step.still, tensors[len(given) :])])
+        return step.result(_Recorded.apply(run, *given), tensors)
 
     opaque = torch.compiler.disable(function)
     return dressed(opaque, describe, "bokashi.torch", "Tensor", doc=f"As `bokashi.{describe.__name__}`.")
