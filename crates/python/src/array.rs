@@ -23,6 +23,9 @@ pub trait Number: Scalar {
     /// Its name in numpy.
     const NAME: &'static str;
 
+    /// Which of the types it is.
+    const TYPE: NumberType;
+
     /// Tapes of steps that Python has let go of, to be used again.
     fn tapes() -> &'static Mutex<Vec<Tape<Self>>>;
 
@@ -52,6 +55,7 @@ macro_rules! number {
     ($number:ident, $name:literal, $kind:ident) => {
         impl Number for $number {
             const NAME: &'static str = $name;
+            const TYPE: NumberType = NumberType::$kind;
 
             tapes!($number);
 
@@ -81,6 +85,7 @@ number!(f64, "float64", Double);
 
 impl Number for DualNumber {
     const NAME: &'static str = "numbers with tangents";
+    const TYPE: NumberType = NumberType::Dual;
 
     tapes!(DualNumber);
 

@@ -22,9 +22,10 @@ fn matrix(array: &Array<'_>) -> PyResult<DMat4> {
 #[pyfunction]
 pub fn se3<'py>(py: Python<'py>, increment: Array<'py>, fixed: Array<'py>) -> Recorded<'py> {
     let fixed = matrix(&fixed)?;
-    let inputs = [Some(&increment)];
+    // The pull-back has no gradient for the second.
+    let inputs = [Some(&increment), None];
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
-        let [Some(increment)] = x[..] else { unreachable!("it is required") };
+        let [Some(increment), None] = x[..] else { unreachable!("it is required") };
         Ok(smallvec![ops::se3(increment, &fixed)?])
     }))
 }

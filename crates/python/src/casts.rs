@@ -3,19 +3,34 @@
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
-/// A constant of double precision in other types of numbers: each is made once, when a step first asks for it.
-#[derive(Default)]
-pub struct Casts(Mutex<Vec<Box<dyn Any + Send>>>);
+/// A constant, and the same in other types of numbers: each is made once, when a step first asks for it.
+pub struct Casts<C> {
+    original: C,
+    others: Mutex<Vec<Box<dyn Any + Send>>>,
+}
 
-impl Casts {
-    /// The constant of type `C`, made by `cast` where nobody has asked for it yet.
-    pub fn get<C: Clone + Send + 'static>(&self, cast: impl FnOnce() -> C) -> C {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.iter().find_map(|constant| constant.downcast_ref::<C>()) {
+impl<C: Clone + Send + 'static> Casts<C> {
+    /// Of a constant that shares its memory with its clones.
+    pub fn new(original: C) -> Self {
+        Self { original, others: Mutex::new(Vec::new()) }
+    }
+
+    /// The constant as it was made.
+    pub fn original(&self) -> &C {
+        &self.original
+    }
+
+    /// The constant of type `D`: the original where it has that type, else made by `cast` where nobody has asked for it.
+    pub fn get<D: Clone + Send + 'static>(&self, cast: impl FnOnce(&C) -> D) -> D {
+        if let Some(original) = (&self.original as &dyn Any).downcast_ref::<D>() {
+            return original.clone();
+        }
+        let mut others = self.others.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = others.iter().find_map(|constant| constant.downcast_ref::<D>()) {
             return found.clone();
         }
-        let made = cast();
-        known.push(Box::new(made.clone()));
+        let made = cast(&self.original);
+        others.push(Box::new(made.clone()));
         made
     }
 }

@@ -131,8 +131,8 @@ impl Coverage {
 
 #[pymethods]
 impl Coverage {
-    /// An image `[H, W, 4]` of u, v, z / w and the id of the face, its index plus 1 plus `first_face`; zeros where nothing
-    /// is seen. From barycentrics `[N, 2]` and depths `[N]`.
+    /// An image `[H, W, 4]` of u, v, z / w and the id of the face, its index plus 1 plus `first_face`. Zeros stand where
+    /// nothing is seen. From barycentrics `[N, 2]` and depths `[N]`.
     #[pyo3(signature = (barycentrics, depths, first_face=0))]
     fn dense<'py>(
         &self,
@@ -162,8 +162,8 @@ impl Coverage {
             )));
         };
         let cull = self::cull(cull)?;
-        let of = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
-        let mut coverage = of.map_err(Refusal::from)?;
+        let read = ops::Coverage::from_ids(&mesh.0, Size { width, height }, ids.as_slice()?);
+        let mut coverage = read.map_err(Refusal::from)?;
         if let Some(clip) = clip {
             coverage = by_type!(&[Some(&clip)], T => {
                 let (shape, entries) = clip.view::<T>()?;
@@ -178,8 +178,8 @@ impl Coverage {
         Ok(Self(Arc::new(coverage)))
     }
 
-    /// Which way each face turns as it is seen, `[F]`, `int8`: 1 for counter-clockwise, -1 for clockwise, 0 for neither or a
-    /// side that is not drawn. `None` where nobody knows.
+    /// Which way each face turns as it is seen, `[F]`, `int8`: 1 for counter-clockwise, -1 for clockwise. It is 0 for
+    /// neither, or for a side that is not drawn. `None` where nobody knows.
     #[getter]
     fn orientations<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<i8>>> {
         self.0.orientations().map(|known| PyArray1::from_slice(py, known))

@@ -13,12 +13,11 @@ use crate::materials::{check_material, material_of};
 use crate::step::{Recorded, record};
 
 /// The weights by which surfaces see a cube map of `extent` x `extent` texels a face, in `levels` of roughness from 0
-/// to 1. They depend on its size alone: make them once. `extent` is a power of two up to 256; for 64, with three or four
+/// to 1. They depend on its size alone: make them once. `extent` is a power of two up to 256. For 64, with three or four
 /// levels, the weights take 50 MB in a type of numbers.
 #[pyclass(frozen, module = "bokashi")]
 pub struct Prefilter {
-    double: ops::Prefilter<f64>,
-    casts: Casts,
+    weights: Casts<ops::Prefilter<f64>>,
     #[pyo3(get)]
     extent: usize,
     #[pyo3(get)]
@@ -27,7 +26,7 @@ pub struct Prefilter {
 
 impl Prefilter {
     fn cast<T: Number>(&self) -> ops::Prefilter<T> {
-        self.casts.get(|| self.double.cast())
+        self.weights.get(ops::Prefilter::cast)
     }
 }
 
@@ -35,9 +34,9 @@ impl Prefilter {
 impl Prefilter {
     #[new]
     fn new(py: Python<'_>, extent: usize, levels: usize) -> PyResult<Self> {
-        let double = crate::threads::released(py, || ops::Prefilter::new(extent, levels));
-        let double = double.map_err(Refusal::from)?;
-        Ok(Self { double, casts: Casts::default(), extent, levels })
+        let weights = crate::threads::released(py, || ops::Prefilter::new(extent, levels));
+        let weights = Casts::new(weights.map_err(Refusal::from)?);
+        Ok(Self { weights, extent, levels })
     }
 
     fn __repr__(&self) -> String {

@@ -57,7 +57,7 @@ pub fn composite_layers<'py>(
     inputs.push(reference.as_ref());
     by_type!(&inputs, T => record::<T>(py, &inputs, |tape, x| {
         let drawn: Vec<_> =
-            coverages.iter().map(|of| from_pixels(tape, &of.get().0, x[1], None)).collect();
+            coverages.iter().map(|coverage| from_pixels(tape, &coverage.get().0, x[1], None)).collect();
         let pairs = drawn.iter().zip(x[2..].as_chunks::<2>().0);
         let layers: Vec<_> = pairs
             .map(|(fragments, &[premultiplied, alpha])| ops::Layer {
@@ -136,7 +136,7 @@ pub fn lens_picture<'py>(
         let drawn: Vec<_> = coverages
             .iter()
             .zip(weights)
-            .map(|(of, weight)| from_pixels(tape, &of.get().0, None, weight))
+            .map(|(coverage, weight)| from_pixels(tape, &coverage.get().0, None, weight))
             .collect();
         let layers = drawn.iter().zip(x[4..].as_chunks::<4>().0);
         let layers: Vec<_> = layers.map(|(fragments, inputs)| lens_layer(fragments, inputs)).collect();

@@ -225,7 +225,10 @@ impl Drop for Taken<'_> {
 
 /// What is learnt, by name.
 fn learnt<T: Number>(fit: &Fit<T>) -> Vec<(String, Tensor<T>)> {
-    fit.parameters().iter().map(|of| (of.name().to_owned(), of.value())).collect()
+    fit.parameters()
+        .iter()
+        .map(|parameter| (parameter.name().to_owned(), parameter.value()))
+        .collect()
 }
 
 fn to_dict<T: Number>(

@@ -1,7 +1,7 @@
 //! Bokashi from Python: arrays come in, values and pull-backs go out.
 //!
-//! Each function records one step on a tape of its own, with the interpreter's lock released, and returns what it
-//! computed beside a `PullBack`, which holds the tape until Python lets go of it. What Python users call stands in
+//! Each function records one step on a tape of its own, with the interpreter's lock released. It returns what it
+//! computed, and a `PullBack`, which holds the tape until Python lets go of it. What Python users call stands in
 //! `python/bokashi`.
 
 mod array;

@@ -61,12 +61,12 @@ pub fn shade<'py>(
             unreachable!("they are required")
         };
         let material = material_of(model, [Some(color), second, third], conserves_energy);
-        let of = |number: Option<_>| number.expect("it was counted");
+        let counted = |number: Option<_>| number.expect("it was counted");
         let of_lights = kinds.iter().zip(x[6..].chunks(2)).map(|(&kind, numbers)| {
-            let first = of(numbers[0]);
+            let first = counted(numbers[0]);
             match kind {
-                "directional" => Light::Directional { direction: first, irradiance: of(numbers[1]) },
-                "point" => Light::Point { position: first, intensity: of(numbers[1]) },
+                "directional" => Light::Directional { direction: first, irradiance: counted(numbers[1]) },
+                "point" => Light::Point { position: first, intensity: counted(numbers[1]) },
                 _ => Light::Ambient { radiance: first },
             }
         });

@@ -236,7 +236,7 @@ impl Rigidity {
 }
 
 /// Regularizers of positions, beside a constant.
-macro_rules! of_positions {
+macro_rules! regularizers {
     ($($name:ident($constant:ident: &$type:ty $(, $number:ident: f64)?) => $call:expr;)+) => {$(
         #[pyfunction]
         pub fn $name<'py>(
@@ -254,7 +254,7 @@ macro_rules! of_positions {
     )+};
 }
 
-of_positions! {
+regularizers! {
     laplacian_error(laplacian: &Sparse) => |x, matrix: &Sparse| fit::laplacian_error(x, &matrix.cast());
     edge_length_error(topology: &Topology, target: f64) =>
         |x, topology: &Topology, target| fit::edge_length_error(x, &topology.0, target);

@@ -28,16 +28,18 @@ pub fn material_of<'t, T: Scalar>(
     [color, second, third]: [Option<Var<'t, T>>; 3],
     conserves_energy: bool,
 ) -> Material<'t, T> {
-    let of = |array: Option<_>| array.expect("it was counted");
-    let color = of(color);
+    let counted = |array: Option<_>| array.expect("it was counted");
+    let color = counted(color);
     match model {
         "lambert" => Material::Lambert { color },
-        "phong" => Material::Phong { color, specular: of(second), exponent: of(third) },
-        "blinn-phong" => Material::BlinnPhong { color, specular: of(second), exponent: of(third) },
+        "phong" => Material::Phong { color, specular: counted(second), exponent: counted(third) },
+        "blinn-phong" => {
+            Material::BlinnPhong { color, specular: counted(second), exponent: counted(third) }
+        }
         _ => Material::MetallicRoughness {
             base_color: color,
-            roughness: of(second),
-            metallic: of(third),
+            roughness: counted(second),
+            metallic: counted(third),
             conserves_energy,
         },
     }

@@ -70,7 +70,7 @@ impl Grid {
 /// none. Faces that share an edge hang together; those that share a vertex alone do not.
 #[pyclass(frozen, module = "bokashi")]
 pub struct Connectivity {
-    of: mesh::Connectivity,
+    counts: mesh::Connectivity,
     face_count: usize,
 }
 
@@ -81,28 +81,28 @@ macro_rules! facts {
         impl Connectivity {
             #[new]
             fn new(py: Python<'_>, mesh: &Mesh) -> Self {
-                let of = released(py, || mesh::Connectivity::new(&mesh.0));
-                Self { of, face_count: mesh.0.faces().len() }
+                let counts = released(py, || mesh::Connectivity::new(&mesh.0));
+                Self { counts, face_count: mesh.0.faces().len() }
             }
 
             $($(#[$doc])* #[getter] fn $name(&self) -> $type {
                 let value: fn(&mesh::Connectivity) -> $type = $value;
-                value(&self.of)
+                value(&self.counts)
             })+
 
             /// The part of each face, `[F]`, `int32`: 0 for that of the first face, -1 for a face that counts as none.
             #[getter]
             fn part_of_face<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i32>> {
-                let part = |face| self.of.part_of(face).map_or(-1, |part| part as i32);
+                let part = |face| self.counts.part_of(face).map_or(-1, |part| part as i32);
                 PyArray1::from_iter(py, (0..self.face_count).map(part))
             }
 
             fn __repr__(&self) -> String {
-                let (of, euler) = (&self.of, self.of.euler_characteristic());
+                let (counts, euler) = (&self.counts, self.counts.euler_characteristic());
                 format!(
                     "Connectivity({} parts, {} boundary loops, Euler characteristic {euler})",
-                    of.parts(),
-                    of.boundary_loops
+                    counts.parts(),
+                    counts.boundary_loops
                 )
             }
         }
@@ -111,29 +111,29 @@ macro_rules! facts {
 
 facts! {
     /// Vertices that some face has.
-    vertices: usize = |of| of.vertices;
+    vertices: usize = |counts| counts.vertices;
     /// Edges.
-    edges: usize = |of| of.edges;
+    edges: usize = |counts| counts.edges;
     /// Faces that name three vertices.
-    faces: usize = |of| of.faces;
+    faces: usize = |counts| counts.faces;
     /// Edges of one face.
-    boundary_edges: usize = |of| of.boundary_edges;
+    boundary_edges: usize = |counts| counts.boundary_edges;
     /// Edges of three faces and more.
-    crowded_edges: usize = |of| of.crowded_edges;
+    crowded_edges: usize = |counts| counts.crowded_edges;
     /// Vertices at which faces meet that share no edge.
-    pinched_vertices: usize = |of| of.pinched_vertices;
+    pinched_vertices: usize = |counts| counts.pinched_vertices;
     /// Rings of edges at which the surface ends, or meets more than one other.
-    boundary_loops: usize = |of| of.boundary_loops;
+    boundary_loops: usize = |counts| counts.boundary_loops;
     /// The number of parts.
-    parts: usize = |of| of.parts();
+    parts: usize = |counts| counts.parts();
     /// Vertices minus edges plus faces: 2 for each closed part, less 2 for each of its handles.
-    euler_characteristic: i64 = |of| of.euler_characteristic();
+    euler_characteristic: i64 = |counts| counts.euler_characteristic();
     /// Whether each edge has two faces or more.
-    is_closed: bool = |of| of.is_closed();
+    is_closed: bool = |counts| counts.is_closed();
     /// Whether the surface looks like a disc, or half of one, around each point of it.
-    is_manifold: bool = |of| of.is_manifold();
+    is_manifold: bool = |counts| counts.is_manifold();
     /// Whether two faces run through each edge that they share in opposite directions.
-    is_oriented: bool = |of| of.is_oriented;
+    is_oriented: bool = |counts| counts.is_oriented;
 }
 
 #[pyfunction]
@@ -187,10 +187,10 @@ pub fn draw_points<'py>(
     count: usize,
     seed: u64,
 ) -> Recorded<'py> {
-    let (inputs, of) = ([Some(&positions)], &mesh.0);
+    let (inputs, faces) = ([Some(&positions)], &mesh.0);
     by_type!(&inputs, T => record::<T>(py, &inputs, |_, x| {
         let positions = x[0].expect("they are required");
-        let points = mesh::draw_points(&positions.value(), of, count, seed)?;
+        let points = mesh::draw_points(&positions.value(), faces, count, seed)?;
         Ok(smallvec![points.interpolate(positions)?])
     }))
 }

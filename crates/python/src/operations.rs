@@ -107,7 +107,7 @@ pub fn vertex_normals<'py>(
 }
 
 /// Operations whose inputs are arrays, and whose output is one.
-macro_rules! functions_of_arrays {
+macro_rules! array_operations {
     ($($name:ident($($input:ident),+);)+) => {$(
         #[pyfunction]
         pub fn $name<'py>(py: Python<'py>, $($input: Array<'py>),+) -> Recorded<'py> {
@@ -120,7 +120,7 @@ macro_rules! functions_of_arrays {
     )+};
 }
 
-functions_of_arrays! {
+array_operations! {
     affine_inverse(matrix);
     rigid(rotation, translation);
     distort(points, coefficients);

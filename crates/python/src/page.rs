@@ -2,7 +2,7 @@
 
 use bokashi_report::{
     Captioned, Cell, Curve, Figure, Figures, ReportError, Scale, Section, Stroke, Table,
-    ViewerMesh, data_uri, escaped, framed, viewer,
+    ViewerMesh, data_uri, digits, escaped, framed, viewer,
 };
 use bokashi_scene as scene;
 use bokashi_scene::SeenView;
@@ -18,17 +18,11 @@ const MOST_VIEWS: usize = 4;
 /// Points of a curve at most, more than can be told apart.
 const MOST_POINTS: usize = 400;
 
-/// The shape and the numbers of an array of any type.
-fn numbers(array: &Array<'_>) -> PyResult<(Vec<usize>, Vec<f64>)> {
-    let (shape, entries) = array.constant()?;
-    Ok((shape.to_vec(), entries))
-}
-
 /// Rows `[V, 3]`, or with one column grey, as numbers of the viewer.
 fn rows(what: &str, array: &Array<'_>) -> PyResult<Vec<[f32; 3]>> {
-    let (shape, entries) = numbers(array)?;
+    let (shape, entries) = array.constant()?;
     let row = |row: &[f64; 3]| row.map(|x| x as f32);
-    match shape[..] {
+    match shape {
         [_, 3] => Ok(entries.as_chunks::<3>().0.iter().map(row).collect()),
         [_, 1] if what == "colors" => Ok(entries.iter().map(|&grey| [grey as f32; 3]).collect()),
         _ => {
@@ -111,25 +105,26 @@ fn loss_section(words: &str, losses: &[f64]) -> Section {
 }
 
 /// Name, shape, and the numbers or their range.
-fn parameters_section(parameters: &[(String, Vec<usize>, Vec<f64>)]) -> Section {
+fn parameters_section(parameters: &[(String, Array<'_>)]) -> PyResult<Section> {
     let mut table = Table::new("", "", &["parameter", "shape", "numbers"].map(|title| (title, "")));
-    for (name, shape, numbers) in parameters {
+    for (name, array) in parameters {
+        let (shape, numbers) = array.constant()?;
         let words = match numbers[..] {
             [] => String::new(),
             ref few if few.len() <= 6 => {
-                few.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", ")
+                few.iter().map(|&x| digits(Some(x))).collect::<Vec<_>>().join(", ")
             }
             ref many => {
                 let low = many.iter().copied().fold(f64::INFINITY, f64::min);
                 let high = many.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                format!("{low:.4} to {high:.4}")
+                format!("{} to {}", digits(Some(low)), digits(Some(high)))
             }
         };
         table.push([name.clone(), format!("{shape:?}"), words].map(Cell::Text).into());
     }
     let mut section = Section::new("learnt", "", "");
     section.push_table(table);
-    section
+    Ok(section)
 }
 
 /// A fit of a function, as HTML: a curve of losses, and the parameters.
@@ -139,12 +134,7 @@ pub fn learning_page(
     losses: Vec<f64>,
     parameters: Vec<(String, Array<'_>)>,
 ) -> PyResult<String> {
-    let row = |(name, array): (String, Array<'_>)| {
-        let (shape, numbers) = numbers(&array)?;
-        Ok((name, shape, numbers))
-    };
-    let rows = parameters.into_iter().map(row).collect::<PyResult<Vec<_>>>()?;
-    let sections = [loss_section(words, &losses), parameters_section(&rows)];
+    let sections = [loss_section(words, &losses), parameters_section(&parameters)?];
     Ok(framed("A fit", &sections, 480).map_err(refused)?)
 }
 

@@ -40,7 +40,7 @@ impl Upstream<'_> {
     }
 }
 
-/// A recorded step, to be pulled back: called with a gradient, or `None`, for each output, it returns a gradient, or
+/// A recorded step, to be pulled back. Called with a gradient, or `None`, for each output, it returns a gradient, or
 /// `None`, for each array that the step was given. It can be called as often as one likes.
 #[pyclass(frozen, module = "bokashi")]
 pub struct PullBack {

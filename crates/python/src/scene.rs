@@ -177,7 +177,10 @@ impl SceneFit {
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let values: Vec<_> = {
             let fit = self.fit();
-            fit.parameters().iter().map(|of| (of.name().to_owned(), of.value())).collect()
+            fit.parameters()
+                .iter()
+                .map(|parameter| (parameter.name().to_owned(), parameter.value()))
+                .collect()
         };
         let parameters = PyDict::new(py);
         for (name, value) in values {

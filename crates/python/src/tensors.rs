@@ -14,7 +14,7 @@ use crate::error::Refusal;
 use crate::step::{Recorded, record};
 
 /// Operations on one array.
-macro_rules! of_one {
+macro_rules! unary {
     ($($name:ident => $call:expr;)+) => {$(
         #[pyfunction]
         pub fn $name<'py>(py: Python<'py>, x: Array<'py>) -> Recorded<'py> {
@@ -27,7 +27,7 @@ macro_rules! of_one {
     )+};
 }
 
-of_one! {
+unary! {
     norm => |x| x.norm();
     normalize => |x| x.normalize();
     sigmoid => |x| Ok(x.sigmoid());
@@ -35,7 +35,7 @@ of_one! {
 }
 
 /// Operations on two arrays.
-macro_rules! of_two {
+macro_rules! binary {
     ($($name:ident($a:ident, $b:ident) => $call:expr;)+) => {$(
         #[pyfunction]
         pub fn $name<'py>(py: Python<'py>, $a: Array<'py>, $b: Array<'py>) -> Recorded<'py> {
@@ -49,7 +49,7 @@ macro_rules! of_two {
     )+};
 }
 
-of_two! {
+binary! {
     dot(a, b) => |a, b| a.dot(b);
     cross(a, b) => |a, b| a.cross(b);
     matmul(a, b) => |a, b| a.matmul(b);
@@ -118,20 +118,17 @@ pub fn scatter_add_rows<'py>(
 /// A matrix most of whose entries are 0, a constant. Made of the row, the column and the value of each entry; values of
 /// one place are added.
 #[pyclass(frozen, module = "bokashi", name = "SparseMatrix")]
-pub struct Sparse {
-    double: SparseMatrix<f64>,
-    casts: Casts,
-}
+pub struct Sparse(Casts<SparseMatrix<f64>>);
 
 impl Sparse {
     /// Of a matrix in double precision.
-    pub fn from_matrix(double: SparseMatrix<f64>) -> Self {
-        Self { double, casts: Casts::default() }
+    pub fn from_matrix(matrix: SparseMatrix<f64>) -> Self {
+        Self(Casts::new(matrix))
     }
 
     /// The matrix of a type of numbers.
     pub fn cast<T: Number>(&self) -> SparseMatrix<T> {
-        self.casts.get(|| self.double.cast())
+        self.0.get(SparseMatrix::cast)
     }
 }
 
@@ -163,7 +160,7 @@ impl Sparse {
     /// The numbers of rows and columns.
     #[getter]
     fn shape(&self) -> (usize, usize) {
-        (self.double.rows(), self.double.columns())
+        (self.0.original().rows(), self.0.original().columns())
     }
 
     /// The rows, columns and values of all entries, `[E]` each, by row and then by column.
@@ -173,17 +170,17 @@ impl Sparse {
         &self,
         py: Python<'py>,
     ) -> (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>) {
-        let of = || self.double.triplets();
+        let triplets = || self.0.original().triplets();
         (
-            PyArray1::from_iter(py, of().map(|(row, ..)| row)),
-            PyArray1::from_iter(py, of().map(|(_, column, _)| column)),
-            PyArray1::from_iter(py, of().map(|(.., value)| value)),
+            PyArray1::from_iter(py, triplets().map(|(row, ..)| row)),
+            PyArray1::from_iter(py, triplets().map(|(_, column, _)| column)),
+            PyArray1::from_iter(py, triplets().map(|(.., value)| value)),
         )
     }
 
     fn __repr__(&self) -> String {
         let (rows, columns) = self.shape();
-        format!("SparseMatrix({rows} x {columns}, {} entries)", self.double.entries())
+        format!("SparseMatrix({rows} x {columns}, {} entries)", self.0.original().entries())
     }
 }
 

@@ -1,8 +1,5 @@
 //! Textures.
 
-use std::any::{Any, TypeId};
-use std::sync::OnceLock;
-
 use bokashi_core::{OutputVars, Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     self as ops, CubeMap, Detail, Sampler, StillCubeMap, StillTexture, TextureBorder, TextureFilter,
@@ -12,7 +9,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use smallvec::smallvec;
 
-use crate::array::{Array, DualNumber, Number, View, by_type, to_array};
+use crate::array::{Array, Number, NumberType, View, by_type};
+use crate::casts::Casts;
 use crate::error::{Refusal, RenderError};
 use crate::step::{Given, Recorded, record};
 use crate::threads::released;
@@ -93,7 +91,7 @@ macro_rules! sample {
                 let still = still.map(Texture::cast::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
                 record::<T>(py, &inputs, |tape, x| {
                     let inputs_of = SampleInputs::new(x);
-                    let texture = match (&inputs_of.levels[..], still) {
+                    let texture = match (&inputs_of.levels[..], &still) {
                         (_, Some(still)) => still.on(tape),
                         (&[texels], None) if mipmaps => {
                             ops::$texture::with_mipmaps_to(texels, coarsest.unwrap_or(usize::MAX))?
@@ -137,7 +135,8 @@ fn levels_to<'t, T: Scalar>(
 const CHECKED: &str = "levels of the same shapes are a texture";
 
 /// The levels of a texture or a cube map that stays.
-pub enum Levels<T: Scalar> {
+#[derive(Clone)]
+enum Levels<T: Scalar> {
     Plane(StillTexture<T>),
     Cube(StillCubeMap<T>),
 }
@@ -188,7 +187,15 @@ impl<T: Number> Levels<T> {
         }
     }
 
-    fn plane(&self) -> PyResult<&StillTexture<T>> {
+    fn shapes(&self) -> Vec<&[usize]> {
+        self.tensors().iter().map(|level| &level.shape()[..]).collect()
+    }
+
+    fn to_arrays<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        self.tensors().iter().map(|level| T::to_array(py, level.clone())).collect()
+    }
+
+    fn plane(self) -> PyResult<StillTexture<T>> {
         match self {
             Self::Plane(texture) => Ok(texture),
             Self::Cube(_) => Err(RenderError::new_err(
@@ -197,7 +204,7 @@ impl<T: Number> Levels<T> {
         }
     }
 
-    fn cube(&self) -> PyResult<&StillCubeMap<T>> {
+    fn cube(self) -> PyResult<StillCubeMap<T>> {
         match self {
             Self::Cube(map) => Ok(map),
             Self::Plane(_) => Err(RenderError::new_err(
@@ -228,42 +235,42 @@ fn are_same<T: Number>(a: &[T], b: &[T]) -> bool {
         })
 }
 
-/// The same for either type of numbers.
-macro_rules! of_levels {
-    ($texture:expr, $levels:ident => $body:expr) => {
-        match (
-            $texture.plain.downcast_ref::<Levels<f32>>(),
-            $texture.plain.downcast_ref::<Levels<f64>>(),
-        ) {
-            (Some($levels), _) => $body,
-            (_, Some($levels)) => $body,
-            _ => unreachable!("a texture is made of one of both"),
-        }
-    };
+/// Levels of either type of numbers.
+enum Kind {
+    Single(Casts<Levels<f32>>),
+    Double(Casts<Levels<f64>>),
 }
 
 /// Texels that stay as they are, `[H, W, C]`, or a cube map's, `[6, S, S, C]`, with their mipmaps.
 #[pyclass(frozen, module = "bokashi")]
-pub struct Texture {
-    /// Levels of `f32` or `f64`.
-    plain: Box<dyn Any + Send + Sync>,
-    /// The same with tangents of 0, where a step asked for them.
-    dual: OnceLock<Levels<DualNumber>>,
-}
+pub struct Texture(Kind);
 
 impl Texture {
     /// # Errors
-    /// `TypeError` for a texture of other numbers.
-    fn cast<T: Number>(&self) -> PyResult<&Levels<T>> {
-        let cast = || of_levels!(self, levels => levels.cast());
-        let is_dual = TypeId::of::<T>() == TypeId::of::<DualNumber>();
-        let levels: &dyn Any = if is_dual { self.dual.get_or_init(cast) } else { &*self.plain };
-        levels.downcast_ref().ok_or_else(|| {
-            let needed = T::NAME;
-            PyTypeError::new_err(format!(
-                "a call needs arrays of one type, got a texture of another beside {needed}"
-            ))
-        })
+    /// `TypeError` for a texture of other numbers, unless they only lack tangents: these are 0.
+    fn cast<T: Number>(&self) -> PyResult<Levels<T>> {
+        match (&self.0, T::TYPE) {
+            (Kind::Single(levels), NumberType::Single | NumberType::Dual) => {
+                Ok(levels.get(Levels::cast))
+            }
+            (Kind::Double(levels), NumberType::Double | NumberType::Dual) => {
+                Ok(levels.get(Levels::cast))
+            }
+            _ => {
+                let needed = T::NAME;
+                Err(PyTypeError::new_err(format!(
+                    "a call needs arrays of one type, got a texture of another beside {needed}"
+                )))
+            }
+        }
+    }
+
+    /// The shape of each level.
+    fn shapes(&self) -> Vec<&[usize]> {
+        match &self.0 {
+            Kind::Single(levels) => levels.original().shapes(),
+            Kind::Double(levels) => levels.original().shapes(),
+        }
     }
 }
 
@@ -285,42 +292,48 @@ impl Texture {
                 "a texture has mips of its own, or makes them down to level `coarsest`, got both",
             ));
         }
-        let plain: Box<dyn Any + Send + Sync> = match texels {
-            Array::Single(_) => Box::new(Levels::<f32>::new(py, &texels, &mips, coarsest)?),
-            Array::Double(_) => Box::new(Levels::<f64>::new(py, &texels, &mips, coarsest)?),
+        Ok(Self(match texels {
+            Array::Single(_) => {
+                Kind::Single(Casts::new(Levels::new(py, &texels, &mips, coarsest)?))
+            }
+            Array::Double(_) => {
+                Kind::Double(Casts::new(Levels::new(py, &texels, &mips, coarsest)?))
+            }
             Array::Dual(_) => {
                 return Err(PyTypeError::new_err("a texture that stays has no tangent, got one"));
             }
-        };
-        Ok(Self { plain, dual: OnceLock::new() })
+        }))
     }
 
     /// The texels and the coarser levels, copied.
     #[getter]
     fn levels<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        of_levels!(self, levels => {
-            let arrays = levels.tensors().iter().map(|level| Ok(to_array(py, level.clone())?.into_any()));
-            arrays.collect()
-        })
+        match &self.0 {
+            Kind::Single(levels) => levels.original().to_arrays(py),
+            Kind::Double(levels) => levels.original().to_arrays(py),
+        }
     }
 
     /// The shape of the texels.
     #[getter]
     fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        of_levels!(self, levels => PyTuple::new(py, levels.tensors()[0].shape().iter()))
+        PyTuple::new(py, self.shapes()[0])
     }
 
     /// Whether its first levels are these arrays, bit by bit.
     fn holds(&self, py: Python<'_>, levels: Vec<Array<'_>>) -> bool {
-        of_levels!(self, own => own.hold(py, &levels))
+        match &self.0 {
+            Kind::Single(own) => own.original().hold(py, &levels),
+            Kind::Double(own) => own.original().hold(py, &levels),
+        }
     }
 
     fn __len__(&self) -> usize {
-        of_levels!(self, levels => levels.tensors().len())
+        self.shapes().len()
     }
 
     fn __repr__(&self) -> String {
-        let count = self.__len__();
-        of_levels!(self, levels => format!("Texture({}, {count} levels)", levels.tensors()[0].shape()))
+        let shapes = self.shapes();
+        format!("Texture({:?}, {} levels)", shapes[0], shapes.len())
     }
 }

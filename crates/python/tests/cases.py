@@ -95,6 +95,10 @@ def cases(generator):
         "mean_error, masked": (
             lambda b, x, y: b.mean_error(x, y, penalty="huber", scale=0.1, mask=mask), [image, reference]
         ),
+        # The gradient of the image takes the denominator as it is, so it is no derivative: the reference's is one.
+        "mean_error, relative": (
+            lambda b, y: b.mean_error(image.tolist(), y, penalty="relative", scale=0.1), [reference], [1]
+        ),
         "mean_error, absolute": (lambda b, x, y: b.mean_error(x, y, penalty="absolute"), [image, reference]),
         "ssim_error": (lambda b, x, y: b.ssim_error(x, y), [image, reference]),
         "multiscale_ssim_error": (lambda b, x, y: b.multiscale_ssim_error(x, y, levels=1), [image, reference]),
@@ -119,7 +123,7 @@ def cases(generator):
         ),
         "composite_layers": (composite, [uniform(0, 1, 3), behind_clip, colors[0], alphas[0], colors[1], alphas[1]]),
         "composite_layers, a loss": (
-            lambda b, *x: composite(b, *x, reference=np.ones((9, 8, 3))),
+            lambda b, *x: composite(b, *x, reference=np.ones((9, 8, 3)).tolist()),
             [uniform(0, 1, 9, 8, 3), behind_clip, colors[0], alphas[0], colors[1], alphas[1]],
         ),
         "lens_picture": (

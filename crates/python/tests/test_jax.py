@@ -116,8 +116,13 @@ def test_surfaces_behind_a_surface_have_true_gradients(generator):
     mesh, clip = layered(generator)
     check_outside(lambda clip: [layer.barycentrics for layer in bj.depth_layers(clip, mesh, (7, 6))], clip)
     check_outside(lambda clip: bj.rasterize_behind(bj.rasterize(clip, mesh, (7, 6))).barycentrics, clip)
-    with pytest.raises(bokashi.RenderError, match="needs to be outside of jit"):
-        jax.jit(lambda clip: bj.depth_layers(clip, mesh, 8)[0].barycentrics)(jnp.asarray(clip))
+    fragments = bj.rasterize(jnp.asarray(clip), mesh, (7, 6))
+    for f in (
+        lambda clip: bj.depth_layers(clip, mesh, 8)[0].barycentrics,
+        lambda clip: bj.rasterize_behind(bokashi.Fragments(clip[:1, :2], None, clip, fragments.coverage)).barycentrics,
+    ):
+        with pytest.raises(bokashi.RenderError, match="number of results is not known before: it needs to be outside of jit"):
+            jax.jit(f)(jnp.asarray(clip))
 
 
 def test_the_surface_of_a_field_has_true_gradients(generator):
@@ -262,8 +267,8 @@ class Counted:
 def test_the_forward_pass_runs_once_and_only_wanted_gradients_are_computed(generator, monkeypatch):
     mesh, clip = scene(generator)
     colors = jnp.asarray(generator.uniform(size=(7, 3)))
-    counted = Counted(bj._native.render)
-    monkeypatch.setattr(bj._native, "render", counted)
+    counted = Counted(bokashi._native.render)
+    monkeypatch.setattr(bokashi._native, "render", counted)
     gradient = jax.grad(lambda colors: (bj.render(clip, mesh, colors, SIZE) ** 2).sum())
     compiled = jax.jit(gradient)
     for calls, f in enumerate((gradient, compiled, compiled), 1):
@@ -355,6 +360,8 @@ def test_what_is_refused_says_why(generator):
             f(lambda x: bj.mipmaps(x))(colors[0])
         with pytest.raises(bokashi.RenderError, match="shape"):
             f(lambda x: bj.downsample(x, 2))(colors)
+        with pytest.raises(bokashi.RenderError, match="factor"):
+            f(lambda x: bj.downsample(x, 0))(colors[:, :, None])
         with pytest.raises(bokashi.RenderError, match="shape"):
             f(lambda x: bj.render(clip, mesh, x, SIZE))(colors[0])
         assert f(bj.exposure)(jnp.ones(()), jnp.zeros(3)).shape == (3,)

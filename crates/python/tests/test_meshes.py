@@ -143,6 +143,23 @@ def test_distances_are_those_of_all_pairs(generator):
     np.testing.assert_allclose(score, (precision, recall, 2 * precision * recall / (precision + recall)))
 
 
+def distances_to_faces(points, corners):
+    """Of each point `[N, 3]` to each face `[F, 3, 3]`, `[N, F]`: to its plane above it, else to an edge."""
+    nearest = np.full((len(points), len(corners)), np.inf)
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        along = ((points[:, None] - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1)
+        foot = a + np.clip(along, 0, 1)[..., None] * (b - a)
+        nearest = np.minimum(nearest, np.linalg.norm(points[:, None] - foot, axis=-1))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_above = np.ones(nearest.shape, bool)
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        is_above &= (np.cross(b - a, points[:, None] - a) * normals).sum(-1) >= 0
+    heights = abs(((points[:, None] - corners[:, 0]) * normals).sum(-1)) / np.linalg.norm(normals, axis=1)
+    return np.where(is_above, heights, nearest)
+
+
 def test_points_of_a_surface_lie_on_it(generator):
     positions, mesh = sphere()
     points, _ = bokashi.draw_points(positions, mesh, 500, seed=5)
@@ -151,8 +168,13 @@ def test_points_of_a_surface_lie_on_it(generator):
     found = bokashi.nearest_on_surface(points, positions, mesh)
     assert found.distances.max() < 1e-12 and found.faces.max() < len(mesh)
     np.testing.assert_allclose(bokashi.sparse_product(positions, found.weights)[0], points, atol=1e-12)
-    away = bokashi.nearest_on_surface(2 * points, positions, mesh)
-    np.testing.assert_allclose(np.linalg.norm(2 * points - away.points, axis=1), away.distances)
+    queries = np.concatenate([2 * points[:50], 0.3 * points[:50], generator.normal(size=(50, 3))])
+    away = bokashi.nearest_on_surface(queries, positions, mesh)
+    np.testing.assert_allclose(np.linalg.norm(queries - away.points, axis=1), away.distances)
+    corners = positions[mesh.faces]
+    np.testing.assert_allclose(away.distances, distances_to_faces(queries, corners).min(1), atol=1e-12)
+    own = distances_to_faces(away.points, corners)[np.arange(len(queries)), away.faces]
+    np.testing.assert_allclose(own, 0, atol=1e-7)
     assert bokashi.normal_consistency(positions, mesh, positions, mesh, 200) > 0.99
     assert bokashi.normal_consistency(positions, mesh, positions[:, ::-1] * [1, 1, 0.1], mesh, 200) < 0.95
 
@@ -176,7 +198,7 @@ def test_what_is_refused_says_the_rule_and_then_the_value():
         (lambda: bokashi.field_surface(field, grid, np.ones((27, 3), np.float32)), TypeError, "one type"),
         (lambda: bokashi.chamfer_distance(NONE, CORNERS), refused, "chamfer_distance"),
         (lambda: bokashi.chamfer_distance(bad, CORNERS), refused, "NaN"),
-        (lambda: bokashi.draw_points(CORNERS, flat, 3), refused, "a surface with an area, got 1 faces"),
+        (lambda: bokashi.draw_points(CORNERS, flat, 3), refused, "needs a face with an area, got none among 1"),
         (lambda: bokashi.draw_points(CORNERS[:3], TETRAHEDRON, 3), refused, "draw_points"),
         (lambda: bokashi.draw_points(bad, TETRAHEDRON, 3), refused, "NaN"),
         (lambda: bokashi.draw_points(CORNERS, TETRAHEDRON, 1 << 62), refused, "fewer than 2\\^31 points"),
@@ -185,7 +207,7 @@ def test_what_is_refused_says_the_rule_and_then_the_value():
         (lambda: bokashi.remesh(CORNERS, TETRAHEDRON, np.nan), refused, "lengths above 0, got NaN"),
         (lambda: bokashi.remesh(CORNERS, TETRAHEDRON, [1.0, 2.0]), refused, "each of the 4 vertices, got 2"),
         (lambda: bokashi.remesh(CORNERS, TETRAHEDRON, np.ones((4, 1))), ValueError, "got shape \\[4, 1\\]"),
-        (lambda: bokashi.remesh(bad, TETRAHEDRON, 1.0), refused, "finite positions, got NaN"),
+        (lambda: bokashi.remesh(bad, TETRAHEDRON, 1.0), refused, "finite numbers in row 0 of the positions, got NaN"),
         (lambda: bokashi.remesh(CORNERS > 0, TETRAHEDRON, 1.0), TypeError, "float32 or float64, got bool"),
         (lambda: bokashi.subdivide(CORNERS, TETRAHEDRON, "butterfly"), ValueError, "midpoint or loop, got \"butterfly\""),
         (lambda: bokashi.subdivide(CORNERS[:2], TETRAHEDRON), refused, "\\[2, 3\\]"),

@@ -151,6 +151,7 @@ def test_cameras_lenses_and_light_have_true_gradients(generator):
         (lambda i, d, a, f: bokashi.depth_of_field(i, d, a, f), uniform(0, 1, 9, 8, 2), uniform(1, 3, 9, 8), np.array(1.5), np.array(2.0)),
     ]:
         check_gradients(function, arrays, generator)
+    assert bokashi.se3(np.zeros(6), matrix)[1](np.eye(4), wanted=(True, False))[1] is None
     lights = [
         ("directional", normal(3) + [0, 0, 3], uniform(0.5, 1, 3)), ("point", np.array([0.5, 1, 4.0]), uniform(1, 2, 3)),
         ("ambient", uniform(0.1, 0.3, 3)),
@@ -310,9 +311,10 @@ def test_meshes_coverage_and_fragments_can_be_copied_and_pickled(generator):
     for other in copies(mesh):
         np.testing.assert_array_equal(other.faces, mesh.faces)
         assert other.vertex_count == 7
-    picture = generator.uniform(size=(12, 16, 3))
-    for cull in ("none", "back", "front"):
-        fragments, _ = bokashi.rasterize(clip, mesh, (12, 16), cull=cull)
+    # The second has several bands of pixels.
+    for cull, size in [("none", (12, 16)), ("none", (300, 200)), ("back", (12, 16)), ("front", (12, 16))]:
+        picture = generator.uniform(size=(*size, 3))
+        fragments, _ = bokashi.rasterize(clip, mesh, size, cull=cull)
         expected, _ = bokashi.antialias_image(picture, fragments)
         for other in copies(fragments):
             assert len(other) == len(fragments) and other.weight is None

@@ -1,7 +1,9 @@
 """The stand-in for nvdiffrast: recorded outputs, its documentation's formulas, and gradients."""
 
+import gc
 import json
 import warnings
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -415,7 +417,60 @@ def test_textures_without_a_gradient_keep_their_mipmaps_as_long_as_their_numbers
         assert of_uv.grad.abs().sum() > 0 and torch.equal(of_uv.grad, expected.grad)
     each = torch.cat([tex, 1 - tex])
     assert torch.equal(sampled(each)[1], sampled(1 - tex)[1])
+    assert torch.equal(sampled(each), sampled(leaf(each)).detach())
     with pytest.raises(dr.RenderError, match="mip needs a filter_mode with mipmaps"):
         dr.texture(tex, uv, mip=mip)
     with pytest.raises(dr.RenderError, match="mip needs a filter_mode with mipmaps"):
         sampled(tex, mip=mip, filter_mode="linear")
+
+
+def test_a_texture_belongs_to_the_tensor_that_it_is_a_view_of(monkeypatch):
+    pos, tri, _, tex, coordinates = batch(2)
+    rast, rast_db = dr.rasterize(CONTEXT, pos, tri, [8, 8])
+    uv, uv_da = dr.interpolate(coordinates, rast, tri, rast_db=rast_db, diff_attrs="all")
+    made, compared = [], []
+
+    class Counted:
+        def __init__(self, *args, **kwargs):
+            self.own = bokashi.Texture(*args, **kwargs)
+            made.append(self)
+
+        def holds(self, levels):
+            compared.append(self)
+            return self.own.holds(levels)
+
+    monkeypatch.setattr(dr, "Texture", Counted)
+    native = dr._native.sample_texture
+    monkeypatch.setattr(
+        dr._native, "sample_texture", lambda *args, still=None, **kwargs: native(*args, still=still and still.own, **kwargs)
+    )
+    own = tex[0].clone()
+    for _ in range(3):
+        assert torch.equal(dr.texture(own[None], uv, uv_da), dr.texture(leaf(own[None]), uv, uv_da).detach())
+    # One for both images, compared once in each call but the first.
+    assert len(made) == 1 and len(compared) == 2
+    # Other views of it are others, and do not take its place.
+    halves = own[:4][None], own[4:8][None], own.flip(0)[None], own.transpose(0, 1)[None]
+    for half in halves:
+        assert torch.equal(dr.texture(half, uv, uv_da), dr.texture(leaf(half), uv, uv_da).detach())
+    count = len(made)
+    dr.texture(own[None], uv, uv_da)
+    dr.texture(halves[1], uv, uv_da)
+    assert len(made) == count
+    # What is written to it is seen in each of its views.
+    own.numpy()[:] *= 0.5
+    assert torch.equal(dr.texture(own[None], uv, uv_da), dr.texture(leaf(own[None]), uv, uv_da).detach())
+    # So many views are kept, and no more.
+    many = torch.rand(40, 4, 4, 3, dtype=tex.dtype)
+    for k in range(40):
+        dr.texture(many[k : k + 1], uv, uv_da)
+    assert len(dr._textures.known[id(many)][2]["views"]) == 8
+    # The entry goes with its tensor.
+    for tensor in (own, many):
+        assert id(tensor) in dr._textures.known
+    names, texture = [id(own), id(many)], weakref.ref(made[-1])
+    made.clear()
+    compared.clear()
+    del own, many, tensor, half, halves
+    gc.collect()
+    assert not {*names} & {*dr._textures.known} and texture() is None

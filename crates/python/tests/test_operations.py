@@ -43,19 +43,17 @@ def test_gradients_are_true(name, generator):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_stays_single(name, generator):
-    function, arrays, *_ = cases(generator)[name]
-    if name.startswith(("composite_layers", "lens_picture", "eye_depth_slope")):
-        pytest.skip("its fragments are of double precision")
-    single = [array.astype(np.float32) for array in arrays]
-    value, pull_back = function(bokashi, *single)
-    double, _ = function(bokashi, *arrays)
-    if name == "prefiltered":
-        value, double = value.harmonics, double.harmonics
-        bars = pull_back(np.ones_like(value), None)
-    else:
-        bars = pull_back(np.ones_like(value))
-    np.testing.assert_allclose(value, double, rtol=1e-4, atol=1e-5)
-    assert {value.dtype, *(bar.dtype for bar in bars if bar is not None)} == {np.dtype(np.float32)}
+    function, arrays = of_numpy(name, generator)
+    single, of_single = function(*[array.astype(np.float32) for array in arrays])
+    double, of_double = function(*arrays)
+    upstream = generator.normal(size=np.shape(double))
+    pairs = [(single, double), *zip(of_single(upstream.astype(np.float32)), of_double(upstream))]
+    for found, expected in pairs:
+        assert (found is None) == (expected is None)
+        if found is None:
+            continue
+        assert found.dtype == np.float32
+        np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4 * max(1, abs(expected).max()))
 
 
 def test_surfaces_behind_a_surface_have_true_gradients(generator):
@@ -106,6 +104,10 @@ def test_values_are_those_of_numpy(generator):
         (bokashi.squared_error(a, b), ((a - b) ** 2).sum()), (bokashi.gather_rows(a, np.array([4, 4])), a[[4, 4]]),
     ]:
         np.testing.assert_allclose(ours[0], theirs, rtol=1e-12)
+    share = a**2 + 0.1
+    loss, pull_back = bokashi.mean_error(a, b, penalty="relative", scale=0.1)
+    np.testing.assert_allclose(loss, ((a - b) ** 2 / share).mean(), rtol=1e-12)
+    np.testing.assert_allclose(pull_back(1.0)[0], 2 * (a - b) / share / a.size, rtol=1e-12)
     assert bokashi.softplus(np.array([-1e4, 1e4]))[0].tolist() == [0, 1e4]
     ((value, pull_back)) = bokashi.normalize(np.zeros((1, 3)))
     assert not value.any() and not pull_back(np.ones((1, 3)))[0].any()
@@ -270,11 +272,20 @@ def test_every_entry_of_the_catalogue_has_a_function_or_a_reason():
     assert [name for name in entries if name not in ENTRIES and name not in ABSENT] == []
     assert [name for name in (*ENTRIES, *ABSENT) if name not in entries] == []
     import importlib
+    import inspect
 
-    for module in ("bokashi", "bokashi.torch", "bokashi.jax"):
+    for module, of_one, of_more in [
+        ("bokashi", "tuple[NDArray, PullBack]", "tuple[Any, PullBack]"), ("bokashi.torch", "Tensor", "Any"),
+        ("bokashi.jax", "Array", "Any"),
+    ]:
         try:
             found = importlib.import_module(module)
         except ImportError:
             continue
         names = {name for names in ENTRIES.values() for name in names.split()}
         assert [name for name in sorted(names) if not hasattr(found, name) or name not in found.__all__] == []
+        functions = {name: getattr(found, name) for name in names}
+        assert {(function.__module__, function.__name__) for function in functions.values()} == {(module, name) for name in names}
+        returned = {name: inspect.signature(function).return_annotation for name, function in functions.items()}
+        several = {"depth_layers", "field_surface", "mipmaps", "prefiltered", "rasterize", "rasterize_behind"}
+        assert returned == {name: of_more if name in several else of_one for name in names}

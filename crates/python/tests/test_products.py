@@ -5,6 +5,7 @@ import pytest
 
 import bokashi
 from bokashi import Dual
+from cases import ball, layered
 from conftest import check_gradients, scene
 
 
@@ -47,12 +48,18 @@ def test_losses_and_regularizers_have_true_hessians(generator):
     positions, topology = clip[:, :3].copy(), bokashi.Topology(mesh)
     rigidity = bokashi.Rigidity(topology, positions + 0.1 * generator.normal(size=(7, 3)))
     image, reference = generator.uniform(0.2, 0.8, (2, 12, 12, 1))
+    depths, clouds = generator.uniform(1, 3, (6, 5)), [generator.normal(size=(count, 3)) for count in (5, 7)]
+    others = depths + generator.normal(size=(6, 5)) * 0.2
     for function, *arrays in [
         (lambda x: bokashi.rigid_error(x, rigidity), positions), (lambda x: bokashi.normal_error(x, topology), positions),
         (lambda x: bokashi.edge_length_error(x, topology, target=0.2), positions),
         (lambda x: bokashi.laplacian_error(x, topology.uniform_laplacian()), positions),
         (bokashi.ssim_error, image, reference), (bokashi.silhouette_error, image, reference),
         (lambda a, b: bokashi.mean_error(a, b, penalty="charbonnier", scale=0.2), image, reference),
+        (lambda x: bokashi.total_variation(x, penalty="charbonnier", scale=0.2), image), (bokashi.total_variation, image),
+        (lambda a, b: bokashi.depth_error(a, b, alignment="scale"), depths, others),
+        (lambda a, b: bokashi.depth_error(a, b, alignment="scale-and-shift"), depths, others),
+        (bokashi.chamfer_distance, *clouds), (lambda a, b: bokashi.chamfer_distance(a, b, squared=False), *clouds),
     ]:
         check_hessian(function, arrays, generator)
 
@@ -106,6 +113,91 @@ def test_the_arithmetic_of_numpy_keeps_tangents(generator):
     assert (len(dual), dual.ndim, dual.dtype, dual.T.shape) == (4, 2, np.float64, (3, 4))
 
 
+def test_results_of_any_form_have_tangents_of_the_same_form(generator):
+    mesh, clip = scene(generator)
+    behind, behind_clip = layered(generator)
+    grid, field, _ = ball(generator)
+    prefilter, texels = bokashi.Prefilter(4, 2), generator.uniform(0.2, 1, (6, 4, 4, 3))
+
+    def arrays_of(value):
+        if isinstance(value, bokashi.Fragments):
+            return [x for x in (value.barycentrics, value.weight, value.clip) if x is not None]
+        return [array for part in value for array in arrays_of(part)] if isinstance(value, (tuple, list)) else [value]
+
+    for function, point in [
+        (lambda x: bokashi.rasterize(x, mesh, 8), clip), (lambda x: bokashi.rasterize(x, mesh, 8, exact=True), clip),
+        (lambda x: bokashi.depth_layers(x, behind, (9, 8)), behind_clip),
+        (lambda x: bokashi.prefiltered(x, prefilter), texels),
+        (lambda x: ([(pair := bokashi.field_surface(x, grid))[0][0]], pair[1]), field),
+    ]:
+        direction, step = generator.normal(size=point.shape), 1e-7
+        value, tangent = bokashi.jvp(function, [point], [direction])
+        plain, ahead, back = (function(point + k * step * direction)[0] for k in (0, 1, -1))
+        assert type(value) is type(tangent) is type(plain)
+        found = [arrays_of(x) for x in (value, tangent, plain, ahead, back)]
+        assert len(set(map(len, found))) == 1
+        for v, t, at, a, b in zip(*found):
+            np.testing.assert_allclose(v, at, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(t, (a - b) / (2 * step), rtol=1e-4, atol=1e-5 * abs(t).max())
+            assert abs(t).max() > 0
+    (positions, surface), (moved, same) = bokashi.jvp(lambda x: bokashi.field_surface(x, grid), [field], [field])
+    assert surface is same and positions.shape == moved.shape == (surface.vertex_count, 3)
+    value, tangent = bokashi.jvp(lambda x: ([x, None, 2, np.ones(3)], None), [clip], [clip])
+    assert value[1] is tangent[1] is None and value[2] == 2 and tangent[2] == 0 and not tangent[3].any()
+    with pytest.raises(TypeError, match="lists and tuples of them, got Coverage"):
+        bokashi.jvp(lambda x: (bokashi.rasterize(x, mesh, 8)[0].coverage, None), [clip], [clip])
+    with pytest.raises(TypeError, match="got dict"):
+        bokashi.jvp(lambda x: ({"x": x}, None), [clip], [clip])
+
+
+def test_arrays_with_tangents_are_compared_by_value():
+    x = Dual([1.0, 2.0], [5.0, 6.0])
+    for found, expected in [
+        (x == 2, [False, True]), (x == Dual([1.0, 3.0], [0.0, 0.0]), [True, False]), (x != 1.0, [False, True]),
+        (np.array([1.0, 1.0]) == x, [True, False]), (np.equal(2.0, x), [False, True]), (np.not_equal(x, x), [False, False]),
+    ]:
+        assert isinstance(found, np.ndarray) and found.tolist() == expected
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(x)
+
+
+def test_the_power_0_is_1_everywhere():
+    for zero in (0, 0.0, np.uint8(0), np.array([0, 0, 1, 2]), np.array([0, 0, 1, 2], np.uint8)):
+        power = Dual([0.0, 2.0, 0.0, 3.0], [1.0, 1.0, 1.0, 2.0]) ** zero
+        expected = [[1, 1, 0, 9], [0, 0, 1, 12]] if np.ndim(zero) else [[1] * 4, [0] * 4]
+        assert [power.value.tolist(), power.tangent.tolist()] == expected
+    assert (Dual([np.inf], [1.0]) ** 0).tangent.tolist() == [0]
+
+
+def test_a_denominator_that_a_gradient_takes_as_it_is_moves_in_products(generator):
+    image, reference, move = generator.uniform(0.5, 1, (3, 4, 3, 1))
+
+    def loss(x):
+        return bokashi.mean_error(x, reference, penalty="relative", scale=0.1)
+
+    _, slope = bokashi.jvp(loss, [image], [move])
+    quotient = (loss(image + 1e-6 * move)[0] - loss(image - 1e-6 * move)[0]) / 2e-6
+    np.testing.assert_allclose(slope, quotient, rtol=1e-7)
+    assert abs(slope - (loss(image)[1](1.0)[0] * move).sum()) > 0.01 * abs(slope)
+    check_hessian(loss, [image], generator)
+
+
+def test_an_array_without_a_gradient_may_not_move_in_a_hessian(generator):
+    mesh, clip = scene(generator)
+    colors, reference, move = generator.uniform(size=(7, 3)), *generator.uniform(size=(2, 8, 8, 3))
+
+    def loss(clip, reference):
+        value, pull_back = bokashi.render(clip, mesh, colors, 8, reference=reference)
+        return value, lambda bar: [pull_back(bar)[0], pull_back(bar)[4]]
+
+    with pytest.raises(ValueError, match="input 1 moves, and needs a gradient or zeros from the pull-back, got None"):
+        bokashi.hvp(loss, [clip, reference], [clip, move])
+    (bar, none), (product, also_none) = bokashi.hvp(loss, [clip, reference], [clip, 0 * move])
+    assert none is also_none is None
+    (expected,), _ = bokashi.hvp(lambda clip: loss(clip, reference), [clip], [clip])
+    np.testing.assert_array_equal(bar, expected)
+
+
 def test_a_tangent_is_not_lost_in_silence(generator):
     mesh, clip = scene(generator)
     dual = Dual([1.0, 2.0], [1.0, 0.0])
@@ -116,6 +208,14 @@ def test_a_tangent_is_not_lost_in_silence(generator):
         (lambda: np.arctan2(dual, dual), TypeError, "arctan2"),
         (lambda: np.median(dual), TypeError, "median"),
         (lambda: np.add(dual, 1, out=np.zeros(2)), TypeError, "add"),
+        (lambda: np.sum(dual, initial=5.0), TypeError, "no out and no initial number, in sum"),
+        (lambda: np.sum(dual, None, None, np.zeros(())), TypeError, "in sum"),
+        (lambda: np.sum(dual, out=np.zeros(())), TypeError, "in sum"),
+        (lambda: np.sum(np.ones(2), out=Dual(0.0, 0.0)), TypeError, "in sum"),
+        (lambda: np.mean(dual, 0, None, np.zeros(())), TypeError, "in mean"),
+        (lambda: np.concatenate([dual, dual], 0, np.zeros(4)), TypeError, "in concatenate"),
+        (lambda: np.stack([dual, dual], 0, np.zeros((2, 2))), TypeError, "in stack"),
+        (lambda: np.moveaxis(a=dual, source=0, destination=0), TypeError, "come first, and have"),
         (lambda: np.add.reduce(dual), TypeError, "add"),
         (lambda: dual**dual, TypeError, "power"),
         (lambda: Dual([1.0], [1.0, 2.0]), ValueError, "shape of its value, \\(1,\\), got \\(2,\\)"),

@@ -1,5 +1,8 @@
 """Scenes in files, their fits, and pictures."""
 
+import html
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +36,26 @@ def test_a_scene_is_seen_and_learnt_to_the_same_bits(tmp_path):
     names = again.save_results(tmp_path / "out")
     assert names and all((tmp_path / "out").iterdir())
     np.testing.assert_allclose(again.learnt().render(0), again.render(0), atol=1e-3)
+
+
+def test_a_fit_of_a_scene_shows_scores_and_pictures_of_four_views_those_held_out_first(tmp_path):
+    text = HAND.read_text().split("[[lights]]")
+    head, *views = text[0].split("[[views]]\n")
+    views += views[:2]
+    named = [f'[[views]]\nname = "view {k}"\n{"held_out = true" if k in (2, 4) else ""}\n{view}' for k, view in enumerate(views)]
+    path = shutil.copytree(HAND.parent, tmp_path / "hand") / "scene.toml"
+    path.write_text("[[lights]]".join([head + "\n".join(named), *text[1:]]))
+    fit = bokashi.Scene.open(path).fit(steps=2)
+    page = html.unescape(re.search('srcdoc="([^"]*)"', fit._repr_html_())[1])
+    (table,) = (table for table in page.split("<table>")[1:] if "PSNR" in table)
+    rows = [re.split("<t[dh][^>]*>", row)[1:] for row in table.split("</table>")[0].split("<tr>")[2:]]
+    assert [row[0] for row in rows] == ["view 2, held out", "view 4, held out", "view 0", "view 1"]
+    for row, view in zip(rows, (2, 4, 0, 1)):
+        score = fit.score(view)
+        assert abs(float(row[1]) - score["psnr"]) < 0.06 and abs(float(row[2]) - score["ssim"]) < 0.0006
+    assert page.count("data:image/png") == 8 and "view 3" not in page and "4 of 5 views." in page
+    shown = [page.index(f"result of view {view}") for view in (2, 4, 0, 1)]
+    assert shown == sorted(shown)
 
 
 def test_a_callback_stops_a_fit_and_an_interruption_keeps_it():

@@ -153,11 +153,16 @@ def test_tangents_of_single_precision_are_single(generator):
     from torch.autograd import forward_ad
 
     mesh, clip = scene(generator, np.float32)
+    clip, move = torch.from_numpy(clip), torch.from_numpy(generator.normal(size=(7, 4)).astype(np.float32))
     with forward_ad.dual_level():
-        moving = forward_ad.make_dual(torch.from_numpy(clip), torch.ones(7, 4))
-        fragments = bt.rasterize(moving, mesh, 16, exact=True)
-        tangent = forward_ad.unpack_dual(fragments.barycentrics).tangent
-        assert tangent.dtype == torch.float32 and tangent.shape == fragments.barycentrics.shape
+
+        def moved(dtype):
+            fragments = bt.rasterize(forward_ad.make_dual(clip.to(dtype), move.to(dtype)), mesh, 16, exact=True)
+            return [forward_ad.unpack_dual(x).tangent for x in (fragments.barycentrics, fragments.weight)]
+
+        for single, double in zip(moved(torch.float32), moved(torch.float64)):
+            assert single.dtype == torch.float32 and double.dtype == torch.float64 and double.abs().max() > 0.1
+            torch.testing.assert_close(single.double(), double, rtol=1e-3, atol=1e-4 * double.abs().max().item())
 
 
 def test_a_module_learns_with_an_optimizer_of_torch(generator):
@@ -205,6 +210,26 @@ def test_what_gets_no_gradient_is_not_asked_for_one(generator):
         assert bt.render(clip, mesh, colors, 8, reference=target) > 0
 
 
+def test_what_gets_no_tangent_is_not_asked_for_one(generator):
+    from torch.autograd import forward_ad
+
+    mesh, clip = scene(generator)
+    clip, colors = torch.from_numpy(clip), torch.ones(7, 3, dtype=torch.float64)
+    fragments = bt.rasterize(clip, mesh, 8)
+    layer = fragments, colors.new_ones(len(fragments), 3), colors.new_ones(len(fragments))
+    with torch.no_grad(), forward_ad.dual_level():
+        target, pose = (forward_ad.make_dual(x, torch.ones_like(x)) for x in (colors.new_zeros(8, 8, 3), torch.eye(4).double()))
+        for function, still in [
+            (lambda x: bt.render(clip, mesh, colors, 8, reference=x), target),
+            (lambda x: bt.picture(bt.interpolate(colors, fragments), fragments, reference=x), target),
+            (lambda x: bt.se3(colors.new_zeros(6), x), pose),
+            (lambda x: bt.composite_layers([layer], reference=x), target),
+        ]:
+            with pytest.raises(bokashi.RenderError, match="has no tangent here and needs to be detached"):
+                function(still)
+            assert forward_ad.unpack_dual(function(still.detach())).tangent is None
+
+
 def test_materials_and_lights_are_counted(generator):
     normals = tensor(generator.normal(size=(5, 3)))
     ambient = [("ambient", [1.0, 1, 1])]
@@ -248,8 +273,22 @@ def test_a_compiled_function_calls_it_as_it_is(generator):
         return (bt.render(clip * 1.0, mesh, colors.sigmoid(), 16, silhouettes="antialias") ** 2).sum()
 
     compiled = torch.compile(loss, backend="eager")
-    expected = loss(clip, colors)
-    assert torch.equal(compiled(clip, colors), expected)
+    (value, bar), (expected, expected_bar) = (
+        (y := f(clip, x := colors.clone().requires_grad_()), torch.autograd.grad(y, x)[0]) for f in (compiled, loss)
+    )
+    assert torch.equal(value, expected) and torch.equal(bar, expected_bar) and bar.abs().sum() > 0
+
+
+def test_fragments_in_a_compiled_function_are_what_they_are(generator):
+    mesh, clip = scene(generator, np.float32)
+    clip, colors = torch.from_numpy(clip), torch.rand(7, 3)
+
+    def image(clip, colors):
+        fragments = bt.rasterize(clip, mesh, 16, exact=True, creases=[colors])
+        return bt.picture(bt.interpolate(colors, fragments) ** 2, fragments, [0.1, 0.2, 0.3])
+
+    compiled = torch.compile(image, backend="eager")
+    assert torch.equal(compiled(clip, colors), image(clip, colors))
 
 
 def test_tensors_that_are_not_contiguous_are_read_as_they_are(generator):

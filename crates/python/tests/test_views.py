@@ -53,3 +53,10 @@ def test_a_fit_is_shown_however_its_losses_are():
         page = html.unescape(re.search('srcdoc="([^"]*)"', fit._repr_html_())[1])
         assert ("<svg" in page) == (len(fit.losses) > 1) and "NaN" not in page and "[2]" in page
         assert len(page) < 100_000
+
+
+def test_numbers_of_a_fit_are_shown_with_three_digits():
+    start = {"few": np.array([3e-5, 1.2e9, 0.5, 12.34, 0.0, -7e-9]), "many": np.geomspace(4e-6, 7e8, 9)}
+    fit = bokashi.fit(lambda p: (1.0, {}), start, steps=1)
+    page = html.unescape(re.search('srcdoc="([^"]*)"', fit._repr_html_())[1])
+    assert "3.0e-5, 1.2e9, 0.500, 12.3, 0, -7.0e-9" in page and "4.0e-6 to 7.0e8" in page

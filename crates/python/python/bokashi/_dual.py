@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Number
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._given import Fragments
+from ._native import Mesh
+
 
 class Dual:
     """An array with a tangent: what it is, and how it moves along one direction. Both are of float64 and of one shape.
 
-    Operations of bokashi take it in place of an array and return such arrays, their pull-backs too. So do the arithmetic
-    of Python and the functions of numpy in `Dual.SLOPES` and `Dual.LINEAR`. Comparisons go by value. Others refuse it: a
-    tangent is not lost in silence.
+    Operations of bokashi take it in place of an array and return such arrays, their pull-backs too. So do the
+    arithmetic of Python and the functions of numpy in `Dual.SLOPES` and `Dual.LINEAR`, but for `out` and `initial`.
+    Comparisons go by value, so it has no hash. Others refuse it: a tangent is not lost in silence.
 
     >>> x = Dual([1.0, 2.0], [1.0, 0.0])
     >>> (x * x + 3).value, (x * x + 3).tangent
@@ -39,6 +43,9 @@ class Dual:
         np.broadcast_to, np.concatenate, np.expand_dims, np.flip, np.hstack, np.mean, np.moveaxis, np.ravel, np.repeat,
         np.reshape, np.roll, np.squeeze, np.stack, np.sum, np.tile, np.transpose, np.vstack,
     })
+
+    # Where `out` or `initial` would be an argument without a name, if not the fourth.
+    _MOST = {np.concatenate: 2, np.stack: 2}
 
     __slots__ = ("tangent", "value")
 
@@ -94,6 +101,9 @@ class Dual:
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
         if function not in self.LINEAR:
             return NotImplemented
+        if not arguments or {"out", "initial"} & set(options) or len(arguments) > self._MOST.get(function, 3):
+            rule = "arrays with tangents come first, and have no out and no initial number"
+            raise TypeError(f"{rule}, in {function.__name__}")
         arrays, *more = arguments
         if isinstance(arrays, Dual):
             return arrays._moved(function, *more, **options)
@@ -150,6 +160,14 @@ class Dual:
     def __abs__(self) -> Dual:
         return self * np.sign(self.value)
 
+    def __eq__(self, other: Any) -> Any:
+        return np.equal(self, other)
+
+    def __ne__(self, other: Any) -> Any:
+        return np.not_equal(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __lt__(self, other: Any) -> Any:
         return np.less(self, other)
 
@@ -163,7 +181,7 @@ class Dual:
         return np.greater_equal(self, other)
 
 
-_COMPARISONS = {np.less, np.less_equal, np.greater, np.greater_equal}
+_COMPARISONS = {np.equal, np.not_equal, np.less, np.less_equal, np.greater, np.greater_equal}
 
 
 def _arithmetic(function: Any, of_x: tuple[Any, Any], of_y: tuple[Any, Any]) -> Any:
@@ -183,7 +201,8 @@ def _arithmetic(function: Any, of_x: tuple[Any, Any], of_y: tuple[Any, Any]) -> 
     elif function is np.matmul:
         tangent = (u @ y if np.ndim(u) else 0) + (x @ v if np.ndim(v) else 0)
     elif function is np.power and not np.any(v):
-        tangent = y * np.power(x, y - 1) * u
+        # The power 0 is 1 everywhere, at 0 too.
+        tangent = np.where(y == 0, 0.0, y * np.power(x, np.where(y == 0, 0.0, y - 1.0))) * u
     else:
         return NotImplemented
     return Dual(value, np.broadcast_to(tangent, np.shape(value)))
@@ -195,21 +214,31 @@ def _duals(point: Sequence[Any], direction: Sequence[Any]) -> list[Dual]:
     return [Dual(value, tangent) for value, tangent in zip(point, direction)]
 
 
-def _tangent_of(value: Any) -> Any:
-    """The tangent of a result, of whatever form; 0 of what does not depend on the inputs."""
-    if isinstance(value, Dual):
-        return value.tangent
+def _each(value: Any, take: Callable[[Any], Any]) -> Any:
+    """A result of whatever form, with `take` of each of its arrays.
+
+    Raises `TypeError` for a part of another type: a tangent in it would be lost in silence.
+    """
+    if isinstance(value, (Dual, np.ndarray, np.generic, Number)):
+        return take(value)
+    if value is None or isinstance(value, Mesh):
+        return value
+    if isinstance(value, Fragments):
+        return value.replace(**{name: _each(getattr(value, name), take) for name in ("barycentrics", "weight", "clip")})
     if isinstance(value, (tuple, list)):
-        return type(value)(_tangent_of(part) for part in value)
-    return np.zeros(np.shape(value))
+        # A named tuple is not made of a list.
+        made = getattr(type(value), "_make", type(value))
+        return made([_each(part, take) for part in value])
+    raise TypeError(f"results are arrays, fragments, meshes, and lists and tuples of them, got {type(value).__name__}")
 
 
-def _value_of(value: Any) -> Any:
-    if isinstance(value, Dual):
-        return value.value
-    if isinstance(value, (tuple, list)):
-        return type(value)(_value_of(part) for part in value)
-    return value
+def _tangents_of(value: Any) -> Any:
+    """The tangents of a result; 0 of what does not depend on the inputs."""
+    return _each(value, lambda x: x.tangent if isinstance(x, Dual) else np.zeros(np.shape(x)))
+
+
+def _values_of(value: Any) -> Any:
+    return _each(value, lambda x: x.value if isinstance(x, Dual) else x)
 
 
 def jvp(
@@ -218,8 +247,13 @@ def jvp(
     """`f(x)` and `J v`, the derivative of `f` at `point` along `direction`: no differences, one run.
 
     `function(*arrays) -> (value, pull_back)` is an operation of bokashi, or is made of them and of the arithmetic of
-    `Dual`. A direction has an array for each of the point, of its shape. Numbers are of float64. Where branches meet, it is
-    the derivative of the one that is taken: so with exact coverage keep vertices off the very borders of pixels.
+    `Dual`. Its value may be fragments, meshes, and lists and tuples. The derivative has the same form: 0 stands for
+    what does not move, meshes and `None` for themselves. A direction has an array for each of the point, of its shape.
+    Numbers are of float64.
+
+    Where branches meet, it is the derivative of the one that is taken: so with exact coverage keep vertices off the
+    very borders of pixels. What a gradient takes as it is moves here: the denominator of `mean_error` with the penalty
+    "relative".
 
     >>> import bokashi
     >>> length, moved = jvp(bokashi.norm, [[[3.0, 4.0]]], [[[1.0, 0.0]]])
@@ -227,7 +261,7 @@ def jvp(
     (5.0, 0.6)
     """
     value, _ = function(*_duals(point, direction))
-    return _value_of(value), _tangent_of(value)
+    return _values_of(value), _tangents_of(value)
 
 
 def hvp(
@@ -237,8 +271,9 @@ def hvp(
     """The gradient of a loss at `point`, and `H v`, the Hessian times `direction`: an array for each of the point.
 
     `function(*arrays) -> (value, pull_back)` is as in `jvp`, its value a single number. Gradients of the arrays come
-    first and in their order; `None` stands for zeros. The silhouettes of a picture move with its vertices, and that is in
-    the gradient. Which faces and pixels meet stays as it is.
+    first and in their order. `None`, where no gradient is kept, stays `None`. An array without a gradient may not move:
+    a part of the product would be missing. The silhouettes of a picture move with its vertices, and that is in the
+    gradient. Which faces and pixels meet stays as it is.
 
     >>> import bokashi
     >>> (bar,), (moved,) = hvp(lambda x: bokashi.squared_error(x, np.zeros(2)), [[1.0, 3.0]], [[1.0, 0.0]])
@@ -252,5 +287,8 @@ def hvp(
     bars = pull_back(Dual(1.0, 0.0))
     if len(bars) < len(inputs):
         raise ValueError(f"a pull-back needs a gradient for each of {len(inputs)} arrays, got {len(bars)}")
-    filled = [np.zeros(x.shape) if bar is None else bar for x, bar in zip(inputs, bars)]
-    return [_value_of(bar) for bar in filled], [_tangent_of(bar) for bar in filled]
+    own = list(bars[: len(inputs)])
+    for k, (x, bar) in enumerate(zip(inputs, own)):
+        if bar is None and x.tangent.any():
+            raise ValueError(f"input {k} moves, and needs a gradient or zeros from the pull-back, got None")
+    return _values_of(own), _tangents_of(own)

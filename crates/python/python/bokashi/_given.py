@@ -18,8 +18,8 @@ _Array = TypeVar("_Array")
 class Fragments(Generic[_Array]):
     """The covered samples of an image.
 
-    `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face, `weight`
-    `[K]` is the share of its pixel that each piece of exact coverage has, `None` without, and `clip` `[V, 4]` are the
+    `barycentrics` `[N, 2]` are the perspective-correct weights of vertices 0 and 1 of each fragment's face. `weight`
+    `[K]` is the share of its pixel that each piece of exact coverage has, `None` without. `clip` `[V, 4]` are the
     positions that were rasterized. Fragments at pixel centres come first, then pieces.
     """
 

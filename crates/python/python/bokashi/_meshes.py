@@ -164,8 +164,8 @@ def normal_consistency(
 ) -> float:
     """How alike the normals of two surfaces are, from 0 to 1.
 
-    At `count` points drawn on one it is the mean of `|n . m|`, with m the normal at the nearest point of the other; and
-    the mean of this and of the same the other way around. Which way the surfaces face does not matter.
+    At `count` points drawn on one it is the mean of `|n . m|`, with m the normal at the nearest point of the other. The
+    result is the mean of this and of the same the other way around. Which way the surfaces face does not matter.
     """
     return _native.normal_consistency(
         _numbers(positions), mesh, _numbers(other_positions), other_mesh, count, seed

@@ -277,8 +277,8 @@ def fit(
     True
     """
     given = [
-        (name, of.start, of.rate, of.mapping) if isinstance(of, Parameter) else (name, of, 1e-2, "identity")
-        for name, of in parameters.items()
+        (name, x.start, x.rate, x.mapping) if isinstance(x, Parameter) else (name, x, 1e-2, "identity")
+        for name, x in parameters.items()
     ]
     learning = Learning(_native.Learning(given, steps, cosine, floor, loss_below, patience), pipeline)
     learning.run(callback, progress=progress)

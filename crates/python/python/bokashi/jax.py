@@ -12,10 +12,11 @@
 
 Arguments are those of `bokashi`; arrays of jax take the place of arrays and of pairs of value and pull-back.
 
-Outside of `jit` every operation works. Inside, jax needs to know the shape of a result before it is computed. How many
-fragments there are is not known: so `rasterize` works outside alone, and its fragments may be used inside, as arguments
-or closed over. All others work inside too, also under `vmap`, one image after another. An argument with other fragments
-is compiled anew. `render` is a whole step, and works anywhere.
+Outside of `jit` every operation works. Inside, jax needs to know the shape of a result before it is computed. Where
+the number of results is not known before, a function works outside alone: `rasterize`, `rasterize_behind`,
+`depth_layers` and `field_surface`. Their fragments may be used inside, as arguments or closed over. All others work
+inside too, also under `vmap`, one image after another. An argument with other fragments is compiled anew. `render` is a
+whole step, and works anywhere.
 
 A forward pass runs once, and leaves its tape to the backward pass. Where many wait, the oldest are dropped; their
 forward passes run again if they are needed after all. Second derivatives and `jvp` are refused.
@@ -27,8 +28,8 @@ import functools
 import itertools
 import secrets
 import weakref
-from collections.abc import Callable, Sequence
-from typing import Any, ParamSpec, Union, overload
+from collections.abc import Callable
+from typing import Any, ParamSpec, overload
 
 import jax
 import jax.numpy as jnp
@@ -37,11 +38,10 @@ from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
 from . import (
-    Connectivity, Coverage, Environment, Fragments, Grid, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
-    _detail, _levels, _native, _operations, num_threads, set_num_threads,
+    Connectivity, Coverage, Environment, Fragments, Grid, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix,
+    Texture, Topology, _operations, num_threads, set_num_threads,
 )
 from . import Mesh as _Mesh
-from ._given import size_of, surface_of
 from ._operations import Single, Step, dressed
 
 __all__ = [
@@ -59,8 +59,6 @@ __all__ = [
     "vertex_normals",
 ]
 
-# An array, or what becomes one of the type of the others.
-Value = Union[jax.typing.ArrayLike, Sequence]
 _P = ParamSpec("_P")
 
 jax.tree_util.register_dataclass(Fragments, ["barycentrics", "weight", "clip"], ["coverage"])
@@ -119,7 +117,7 @@ def _call(function: Callable, expected: Any, arrays: Any) -> Any:
         return jax.tree.map(jnp.asarray, function(*_to_numpy(arrays)))
     if expected is None:
         raise RenderError(
-            "rasterize finds as many fragments as are seen, and needs to be outside of jit and vmap, got a tracer"
+            "the number of results is not known before: it needs to be outside of jit and vmap, got a tracer"
         )
     return jax.pure_callback(lambda *x: function(*_to_numpy(x)), expected, *arrays, vmap_method="sequential")
 
@@ -131,8 +129,8 @@ def _expected(run: Callable, shapes: Callable | None, arrays: Any) -> tuple | No
     dtype = next(array.dtype for array in arrays if array is not None)
     try:
         return tuple(jax.ShapeDtypeStruct(tuple(shape), dtype) for shape in shapes(*arrays))
-    except (IndexError, ValueError):
-        # An array has too many axes, or too few: the operation says which.
+    except (ArithmeticError, IndexError, ValueError):
+        # An array has too many axes, or too few, or a number is 0: the operation says which.
         run(*(array if array is None else np.zeros(array.shape, array.dtype) for array in arrays))
         raise
 
@@ -185,25 +183,11 @@ def _backward(run, shapes, residuals, upstream):
 _recorded.defvjp(_forward, _backward, symbolic_zeros=True)
 
 
-def _only(run: Callable, shape: Callable, *arrays: Array | None) -> Array:
-    """The output of a step that has one."""
-    (value,) = _recorded(run, lambda *x: (shape(*x),), *arrays)
-    return value
-
-
 def _array(value, like=None):
     """A number or a list as an array, of the type of another; arrays stay as they are."""
     if value is None or isinstance(value, jax.Array):
         return value
     return jnp.asarray(value, None if like is None or hasattr(value, "dtype") else like.dtype)
-
-
-def _same(x, *_):
-    return x.shape
-
-
-def _matrix(*_):
-    return 4, 4
 
 
 def _still(value, like):
@@ -214,408 +198,6 @@ def _still(value, like):
 def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     """The faces of a triangle mesh: vertex indices `[F, 3]`, an array or a list."""
     return _Mesh(np.asarray(faces), vertex_count)
-
-
-# Cameras and poses.
-
-
-def project(
-    positions: Array, camera: Value, rotation: Value | None = None, translation: Value | None = None
-) -> Array:
-    """As `bokashi.project`."""
-    positions = _array(positions)
-    more = [_array(value, positions) for value in (camera, rotation, translation)]
-    return _only(_native.project, lambda x, *_: (x.shape[0], 4), positions, *more)
-
-
-def project_instances(positions: Array, matrices: Value, camera: Value) -> Array:
-    """As `bokashi.project_instances`."""
-    positions = _array(positions)
-
-    def shape(positions, matrices, _):
-        return matrices.shape[0] * positions.shape[0], 4
-
-    return _only(
-        _native.project_instances, shape, positions, _array(matrices, positions), _array(camera, positions)
-    )
-
-
-def pinhole(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
-    """As `bokashi.pinhole`."""
-    return _only(lambda x: _native.pinhole(x, *size_of(size), near, far), _matrix, _array(intrinsics))
-
-
-def orthographic(intrinsics: Array, size: int | Sequence[int], near: float, far: float) -> Array:
-    """As `bokashi.orthographic`."""
-    return _only(lambda x: _native.orthographic(x, *size_of(size), near, far), _matrix, _array(intrinsics))
-
-
-def distort(points: Array, coefficients: Value) -> Array:
-    """As `bokashi.distort`."""
-    points = _array(points)
-    return _only(_native.distort, _same, points, _array(coefficients, points))
-
-
-def fisheye(points: Array, coefficients: Value) -> Array:
-    """As `bokashi.fisheye`."""
-    points = _array(points)
-    return _only(_native.fisheye, _same, points, _array(coefficients, points))
-
-
-def rigid(rotation: Array, translation: Value) -> Array:
-    """As `bokashi.rigid`."""
-    rotation = _array(rotation)
-    return _only(_native.rigid, _matrix, rotation, _array(translation, rotation))
-
-
-def se3(increment: Array, fixed: Value) -> Array:
-    """As `bokashi.se3`."""
-    increment = _array(increment)
-
-    def run(increment, fixed):
-        outputs, pull_back = _native.se3(increment, fixed)
-        return outputs, lambda bar, wanted: (*pull_back(bar, wanted=wanted[:1]), None)
-
-    return _only(run, _matrix, increment, _still(fixed, increment))
-
-
-def affine_inverse(matrix: Array) -> Array:
-    """As `bokashi.affine_inverse`."""
-    return _only(_native.affine_inverse, _matrix, _array(matrix))
-
-
-def transform_points(points: Array, matrix: Value) -> Array:
-    """As `bokashi.transform_points`."""
-    points = _array(points)
-    return _only(_native.transform_points, _same, points, _array(matrix, points))
-
-
-def transform_normals(normals: Array, matrix: Value) -> Array:
-    """As `bokashi.transform_normals`."""
-    normals = _array(normals)
-    return _only(_native.transform_normals, _same, normals, _array(matrix, normals))
-
-
-# Fragments.
-
-
-def rasterize(
-    clip: Array, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
-    creases: Sequence[Array | tuple[Array, _Mesh | None]] = (), crease_tolerance: float = 2e-3,
-) -> Fragments[Array]:
-    """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`. Outside of `jit` alone."""
-    clip = _array(clip)
-    height, width = size_of(size)
-    pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    meshes = [mesh for _, mesh in pairs]
-    found: list[Coverage] = []
-
-    def run(clip, *attributes):
-        coverage, outputs, pull_back = _native.rasterize(
-            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes)), crease_tolerance=crease_tolerance
-        )
-        found.append(coverage)
-        return outputs, pull_back
-
-    attributes = [jax.lax.stop_gradient(_array(values, clip)) for values, _ in pairs]
-    barycentrics, *weight = _recorded(run, None, clip, *attributes)
-    return Fragments(barycentrics, weight[0] if weight else None, clip, found[0])
-
-
-def interpolate(attributes: Array, fragments: Fragments[Array], mesh: _Mesh | None = None) -> Array:
-    """As `bokashi.interpolate`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.interpolate(*x, coverage, mesh)
-
-    attributes = _array(attributes, fragments.clip)
-    return _only(run, lambda x, *_: (len(coverage), x.shape[1]), attributes, *fragments.arrays)
-
-
-def interpolate_differentials(
-    attributes: Array, fragments: Fragments[Array], differentials: Array, mesh: _Mesh | None = None
-) -> Array:
-    """As `bokashi.interpolate_differentials`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.interpolate_differentials(*x, coverage, mesh)
-
-    attributes, differentials = (_array(value, fragments.clip) for value in (attributes, differentials))
-    return _only(run, lambda x, *_: (len(coverage), x.shape[1], 2), attributes, differentials, *fragments.arrays)
-
-
-def differentials(fragments: Fragments[Array]) -> Array:
-    """As `bokashi.differentials`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.differentials(*x, coverage)
-
-    return _only(run, lambda *_: (len(coverage), 2, 2), *fragments.arrays)
-
-
-def depth(fragments: Fragments[Array]) -> Array:
-    """As `bokashi.depth`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.depth(*x, coverage)
-
-    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
-
-
-def eye_depth(fragments: Fragments[Array]) -> Array:
-    """As `bokashi.eye_depth`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.eye_depth(*x, coverage)
-
-    return _only(run, lambda *_: (len(coverage),), *fragments.arrays)
-
-
-# Pictures.
-
-
-def picture(
-    values: Array, fragments: Fragments[Array], background: Value | None = None, *, antialias: bool = True,
-    reference: Array | None = None,
-) -> Array:
-    """As `bokashi.picture`: an image, or with a `reference` a loss."""
-    coverage = fragments.coverage
-    values = _array(values, fragments.clip)
-
-    def run(*x):
-        *most, reference = x
-        return _native.picture(*most, coverage, antialias, reference)
-
-    def shape(values, *others):
-        return _image_shape(coverage.size, values.shape[1], others[-1])
-
-    arrays = values, _array(background, values), *fragments.arrays, _still(reference, values)
-    return _only(run, shape, *arrays)
-
-
-def antialias_image(image: Array, fragments: Fragments[Array]) -> Array:
-    """As `bokashi.antialias_image`."""
-    coverage = fragments.coverage
-
-    def run(image, barycentrics, clip, _):
-        return _native.antialias_image(image, barycentrics, clip, coverage)
-
-    barycentrics, clip, _ = fragments.arrays
-    return _only(run, _same, _array(image, clip), jax.lax.stop_gradient(barycentrics), clip, None)
-
-
-def _image_shape(size: tuple[int, int], channels: int, reference: Any) -> tuple:
-    """That of an image, or with a reference of a loss."""
-    return (*size, channels) if reference is None else ()
-
-
-def render(
-    positions: Array, mesh: _Mesh, colors: Array, size: int | Sequence[int], *, camera: Value | None = None,
-    background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
-    reference: Array | None = None, crease_tolerance: float = 2e-3,
-) -> Array:
-    """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
-    height, width = size_of(size)
-    positions = _array(positions)
-
-    def run(*x):
-        *most, reference = x
-        return _native.render(
-            *most, mesh, height, width, color_mesh, cull, silhouettes, reference, crease_tolerance
-        )
-
-    def shape(*x):
-        return _image_shape((height, width), x[2].shape[1], x[-1])
-
-    arrays = [_array(value, positions) for value in (camera, colors, background)]
-    return _only(run, shape, positions, *arrays, _still(reference, positions))
-
-
-# Textures.
-
-
-def mipmaps(texels: Array, coarsest: int | None = None) -> tuple[Array, ...]:
-    """As `bokashi.mipmaps`."""
-
-    def shapes(texels):
-        *faces, height, width, channels = texels.shape
-        levels = max(height, width, 1).bit_length() - 1
-        return [
-            (*faces, max(height >> k, 1), max(width >> k, 1), channels)
-            for k in range(1, 1 + (levels if coarsest is None else min(levels, coarsest)))
-        ]
-
-    return _recorded(lambda texels: _native.mipmaps(texels, coarsest), shapes, _array(texels))
-
-
-def _sample(function, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips):
-    borders = (border, border) if isinstance(border, str) else tuple(border)
-    still, levels = _levels(texels, mips)
-    finest = _array(levels[0]) if levels else None
-    levels = [_array(values, finest) for values in levels]
-    coordinates = _array(coordinates, finest)
-    level, differentials, bias = (_array(value, coordinates) for value in (level, differentials, bias))
-    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
-
-    def run(coordinates, level, differentials, bias, *levels):
-        return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
-            still,
-        )
-
-    def shape(*x):
-        return x[0].shape[0], still.shape[-1] if still else x[4].shape[-1]
-
-    return _only(run, shape, coordinates, level, differentials, bias, *levels)
-
-
-def sample_texture(
-    texels: Array | Texture, coordinates: Array, *, level: Value | None = None, differentials: Array | None = None,
-    bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
-    coarsest: int | None = None, probes: int = 8, mips: Sequence[Array] | None = None,
-) -> Array:
-    """As `bokashi.sample_texture`."""
-    return _sample(
-        _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
-    )
-
-
-def sample_cube_map(
-    texels: Array | Texture, directions: Array, *, level: Value | None = None, differentials: Array | None = None,
-    bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
-    mips: Sequence[Array] | None = None,
-) -> Array:
-    """As `bokashi.sample_cube_map`."""
-    return _sample(
-        _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
-    )
-
-
-# Normals and light.
-
-
-def face_normals(positions: Array, mesh: _Mesh) -> Array:
-    """As `bokashi.face_normals`."""
-    return _only(lambda x: _native.face_normals(x, mesh), lambda _: (len(mesh), 3), _array(positions))
-
-
-def vertex_normals(positions: Array, mesh: _Mesh, weighting: str = "angle") -> Array:
-    """As `bokashi.vertex_normals`."""
-    return _only(lambda x: _native.vertex_normals(x, mesh, weighting), _same, _array(positions))
-
-
-def tangents(
-    positions: Array, normals: Array, coordinates: Array, mesh: _Mesh, coordinates_mesh: _Mesh | None = None
-) -> Array:
-    """As `bokashi.tangents`."""
-    positions = _array(positions)
-
-    def run(positions, normals, coordinates):
-        return _native.tangents(positions, normals, coordinates, mesh, coordinates_mesh)
-
-    def shape(positions, normals, coordinates):
-        return coordinates.shape[0], 4
-
-    return _only(run, shape, positions, _array(normals, positions), _array(coordinates, positions))
-
-
-def perturbed_normals(normals: Array, tangents: Array, values: Array) -> Array:
-    """As `bokashi.perturbed_normals`."""
-    normals = _array(normals)
-    return _only(_native.perturbed_normals, _same, normals, _array(tangents, normals), _array(values, normals))
-
-
-def reflect(directions: Array, normals: Array) -> Array:
-    """As `bokashi.reflect`."""
-    directions = _array(directions)
-    return _only(_native.reflect, _same, directions, _array(normals, directions))
-
-
-def shade(
-    normals: Array, views: Value, material: Sequence[Value], lights: Sequence[tuple[Any, ...]], *,
-    positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
-) -> Array:
-    """As `bokashi.shade`."""
-    kinds, of_material, of_lights = surface_of(material, lights)
-    normals = _array(normals)
-
-    def run(normals, views, positions, *arrays):
-        own = [values for values in arrays[:3] if values is not None]
-        shining = list(zip(kinds, arrays[3::2], arrays[4::2]))
-        return _native.shade(normals, views, positions, own, model, shining, conserves_energy)
-
-    arrays = [_array(values, normals) for values in (views, positions, *of_material, *of_lights)]
-    return _only(run, _same, normals, *arrays)
-
-
-# Images.
-
-
-def gaussian_blur(
-    image: Array, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
-    radius: int | None = None,
-) -> Array:
-    """As `bokashi.gaussian_blur`."""
-    image = _array(image)
-
-    def run(image, sigma):
-        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
-
-    return _only(run, _same, image, _array(sigma, image))
-
-
-def depth_of_field(
-    image: Array, distances: Array, aperture: Value, focus: Value, *, largest_sigma: float = 32.0,
-    tolerance: float = 1e-3, blades: int | None = None, rotation: float = 0.0,
-) -> Array:
-    """As `bokashi.depth_of_field`."""
-    image = _array(image)
-
-    def run(*x):
-        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
-
-    return _only(run, _same, image, *[_array(value, image) for value in (distances, aperture, focus)])
-
-
-def downsample(image: Array, factor: int) -> Array:
-    """As `bokashi.downsample`."""
-
-    def shape(image):
-        height, width, channels = image.shape
-        return height // factor, width // factor, channels
-
-    return _only(lambda x: _native.downsample(x, factor), shape, _array(image))
-
-
-def exposure(image: Array, stops: Value) -> Array:
-    """As `bokashi.exposure`."""
-    image = _array(image)
-
-    def shape(image, stops):
-        return np.broadcast_shapes(image.shape, stops.shape)
-
-    return _only(_native.exposure, shape, image, _array(stops, image))
-
-
-def over(front: Array, back: Array) -> Array:
-    """As `bokashi.over`."""
-    front = _array(front)
-    return _only(_native.over, _same, front, _array(back, front))
-
-
-def srgb_encode(x: Array) -> Array:
-    """As `bokashi.srgb_encode`."""
-    return _only(_native.srgb_encode, _same, _array(x))
-
-
-def srgb_decode(y: Array) -> Array:
-    """As `bokashi.srgb_decode`."""
-    return _only(_native.srgb_decode, _same, _array(y))
 
 
 @overload
@@ -632,10 +214,86 @@ def _of_jax(describe: Callable[..., Step]) -> Callable[..., Any]:
         arrays = [_array(x, first) for x in step.arrays]
         for k in range(len(arrays) - len(step.still), len(arrays)):
             arrays[k] = _still(arrays[k], first)
-        return step.result(_recorded(step.run, step.shapes, *arrays))
+        return step.result(_recorded(step.run, step.shapes, *arrays), arrays)
 
-    return dressed(function, describe, "bokashi.jax", "Array", f"As `bokashi.{describe.__name__}`.")
+    return dressed(function, describe, "bokashi.jax", "Array", doc=f"As `bokashi.{describe.__name__}`.")
 
+
+# Cameras and poses.
+
+project = _of_jax(_operations.project)
+project_instances = _of_jax(_operations.project_instances)
+pinhole = _of_jax(_operations.pinhole)
+orthographic = _of_jax(_operations.orthographic)
+distort = _of_jax(_operations.distort)
+fisheye = _of_jax(_operations.fisheye)
+rigid = _of_jax(_operations.rigid)
+se3 = _of_jax(_operations.se3)
+affine_inverse = _of_jax(_operations.affine_inverse)
+transform_points = _of_jax(_operations.transform_points)
+transform_normals = _of_jax(_operations.transform_normals)
+
+# Fragments.
+
+rasterize = _of_jax(_operations.rasterize)
+interpolate = _of_jax(_operations.interpolate)
+interpolate_differentials = _of_jax(_operations.interpolate_differentials)
+differentials = _of_jax(_operations.differentials)
+depth = _of_jax(_operations.depth)
+eye_depth = _of_jax(_operations.eye_depth)
+eye_depth_slope = _of_jax(_operations.eye_depth_slope)
+
+# Pictures.
+
+picture = _of_jax(_operations.picture)
+antialias_image = _of_jax(_operations.antialias_image)
+render = _of_jax(_operations.render)
+
+# Layers.
+
+rasterize_behind = _of_jax(_operations.rasterize_behind)
+depth_layers = _of_jax(_operations.depth_layers)
+composite_layers = _of_jax(_operations.composite_layers)
+lens_picture = _of_jax(_operations.lens_picture)
+
+# Textures.
+
+mipmaps = _of_jax(_operations.mipmaps)
+sample_texture = _of_jax(_operations.sample_texture)
+sample_cube_map = _of_jax(_operations.sample_cube_map)
+
+# Normals and light.
+
+face_normals = _of_jax(_operations.face_normals)
+vertex_normals = _of_jax(_operations.vertex_normals)
+tangents = _of_jax(_operations.tangents)
+perturbed_normals = _of_jax(_operations.perturbed_normals)
+reflect = _of_jax(_operations.reflect)
+shade = _of_jax(_operations.shade)
+prefiltered = _of_jax(_operations.prefiltered)
+irradiance = _of_jax(_operations.irradiance)
+shade_in_environment = _of_jax(_operations.shade_in_environment)
+
+# Images.
+
+gaussian_blur = _of_jax(_operations.gaussian_blur)
+depth_of_field = _of_jax(_operations.depth_of_field)
+downsample = _of_jax(_operations.downsample)
+exposure = _of_jax(_operations.exposure)
+over = _of_jax(_operations.over)
+srgb_encode = _of_jax(_operations.srgb_encode)
+srgb_decode = _of_jax(_operations.srgb_decode)
+
+# Losses.
+
+squared_error = _of_jax(_operations.squared_error)
+mean_error = _of_jax(_operations.mean_error)
+ssim_error = _of_jax(_operations.ssim_error)
+multiscale_ssim_error = _of_jax(_operations.multiscale_ssim_error)
+silhouette_error = _of_jax(_operations.silhouette_error)
+depth_error = _of_jax(_operations.depth_error)
+halved = _of_jax(_operations.halved)
+total_variation = _of_jax(_operations.total_variation)
 
 # Vectors and rows.
 
@@ -650,40 +308,12 @@ sparse_product = _of_jax(_operations.sparse_product)
 sigmoid = _of_jax(_operations.sigmoid)
 softplus = _of_jax(_operations.softplus)
 
-# Losses.
+# Meshes.
 
-squared_error = _of_jax(_operations.squared_error)
-mean_error = _of_jax(_operations.mean_error)
-ssim_error = _of_jax(_operations.ssim_error)
-multiscale_ssim_error = _of_jax(_operations.multiscale_ssim_error)
-silhouette_error = _of_jax(_operations.silhouette_error)
-depth_error = _of_jax(_operations.depth_error)
-halved = _of_jax(_operations.halved)
-
-# Regularizers.
-
-total_variation = _of_jax(_operations.total_variation)
 laplacian_error = _of_jax(_operations.laplacian_error)
 edge_length_error = _of_jax(_operations.edge_length_error)
 normal_error = _of_jax(_operations.normal_error)
 rigid_error = _of_jax(_operations.rigid_error)
-
-# Surfaces.
-
 field_surface = _of_jax(_operations.field_surface)
 draw_points = _of_jax(_operations.draw_points)
 chamfer_distance = _of_jax(_operations.chamfer_distance)
-
-# Layers.
-
-eye_depth_slope = _of_jax(_operations.eye_depth_slope)
-rasterize_behind = _of_jax(_operations.rasterize_behind)
-depth_layers = _of_jax(_operations.depth_layers)
-composite_layers = _of_jax(_operations.composite_layers)
-lens_picture = _of_jax(_operations.lens_picture)
-
-# Environments.
-
-prefiltered = _of_jax(_operations.prefiltered)
-irradiance = _of_jax(_operations.irradiance)
-shade_in_environment = _of_jax(_operations.shade_in_environment)

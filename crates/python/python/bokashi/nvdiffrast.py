@@ -1,7 +1,7 @@
 """A stand-in for `nvdiffrast.torch` that runs on any CPU: `import bokashi.nvdiffrast as dr`.
 
-Functions, shapes and conventions are those of its documentation: row 0 of an image is its bottom row, `rast` holds (u,
-v, z/w, triangle id + 1), derivatives are per pixel. A program runs with its import and the device's name changed.
+Functions, shapes and conventions are those of its documentation. Row 0 of an image is its bottom row, `rast` holds (u,
+v, z/w, triangle id + 1), and derivatives are per pixel. A program runs with its import and the device's name changed.
 
 >>> import torch, bokashi.nvdiffrast as dr
 >>> context = dr.RasterizeCudaContext()
@@ -413,7 +413,7 @@ def interpolate(
 ) -> tuple[Tensor, Tensor]:
     """Attributes `[N, V, A]`, `[1, V, A]` or `[V, A]` at pixels, `[N, H, W, A]`, zeros where nothing is seen.
 
-    `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted: they are the
+    `diff_attrs` is a list of attributes, or "all", whose derivatives with respect to the image are wanted. They are the
     second result, `[N, H, W, 2 K]`, and need `rast_db`.
     """
     if attr.dim() != 2:
@@ -435,22 +435,32 @@ def interpolate(
     return _Interpolate.apply(attr, rast, rast_db if which is not None else None, coverages, which)
 
 
-def _still(
-    tex: Tensor, levels: list[np.ndarray], k: int, makes_mipmaps: bool, sampler: dict[str, Any]
-) -> Texture:
-    """Image `k` of a texture that needs no gradient, with its mipmaps, made once as long as its numbers stay.
+# Views of a tensor whose textures are kept: each keeps a copy of its numbers.
+_MOST_VIEWS = 8
 
-    Numbers are compared each time: torch does not count what is written to `tex.data`.
+
+def _stills(tex: Tensor, levels: list[np.ndarray], makes_mipmaps: bool, sampler: dict[str, Any]) -> list[Texture]:
+    """The images of a texture that needs no gradient, with their mipmaps, made once as long as their numbers stay.
+
+    `tex[None]` is a new tensor in each call. So they belong to the tensor that `tex` is a view of, and go with it.
+    Numbers are compared in each call: torch does not count what is written to `tex.data`.
     """
     coarsest = sampler.get("coarsest") if makes_mipmaps else 0
-
-    def make() -> Texture:
-        return Texture(levels[0], mips=levels[1:] or None, coarsest=None if levels[1:] else coarsest)
-
-    made = _textures.get(tex, (k, coarsest, len(levels)), lambda: [make()])
-    if not made[0].holds(levels):
-        made[0] = make()
-    return made[0]
+    views = _textures.get(tex if tex._base is None else tex._base, "views", dict)
+    view = tuple(tex.shape), tex.stride(), tex.storage_offset()
+    # The last one that was asked for is the last to go.
+    known = views[view] = views.pop(view, {})
+    for oldest in list(views)[:-_MOST_VIEWS]:
+        views.pop(oldest, None)
+    stills = []
+    for k in range(max(map(len, levels))):
+        own = [array[min(k, len(array) - 1)] for array in levels]
+        key = k, coarsest, len(own)
+        still = known.get(key)
+        if still is None or not still.holds(own):
+            still = known[key] = Texture(own[0], mips=own[1:] or None, coarsest=None if own[1:] else coarsest)
+        stills.append(still)
+    return stills
 
 
 class _Texture(torch.autograd.Function):
@@ -463,10 +473,11 @@ class _Texture(torch.autograd.Function):
         images, height, width, axes = coordinates.shape
         ctx.pulls, ctx.shapes = [], [array.shape for array in texels]
         ctx.stays = stays = not any(level.requires_grad for level in levels)
+        stills = _stills(levels[0], texels, makes_mipmaps, sampler) if stays else []
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
-            still = _still(levels[0], own, min(k, len(texels[0]) - 1), makes_mipmaps, sampler) if stays else None
+            still = stills[min(k, len(stills) - 1)] if stays else None
             places = coordinates[k].reshape(height * width, axes)
             at_level = bias[k].reshape(-1) if bias is not None else None
             footprints = slopes[k].reshape(height * width, axes, 2) if slopes is not None else None
@@ -553,11 +564,11 @@ def texture(
     mip: _Mipmaps | Sequence[Tensor] | None = None, filter_mode: str = "auto", boundary_mode: str = "wrap",
     max_mip_level: int | None = None,
 ) -> Tensor:
-    """Samples of `tex` `[N, H, W, C]` at `uv` `[N, H, W, 2]`, or for cube maps of `[N, 6, S, S, C]` at `[N, H, W, 3]`.
+    """Samples of `tex` `[N, H, W, C]` at `uv` `[N, H, W, 2]`: `[N, H, W, C]`.
 
-    Returns `[N, H, W, C]`. `filter_mode` is "auto", "nearest", "linear", "linear-mipmap-nearest" or
-    "linear-mipmap-linear", `boundary_mode` "wrap", "clamp", "zero" or "cube". `mip` are levels of
-    `texture_construct_mip`, or a list of one's own.
+    For cube maps `tex` is `[N, 6, S, S, C]` and `uv` `[N, H, W, 3]`. `filter_mode` is "auto", "nearest", "linear",
+    "linear-mipmap-nearest" or "linear-mipmap-linear", `boundary_mode` "wrap", "clamp", "zero" or "cube". `mip` are
+    levels of `texture_construct_mip`, or a list of one's own.
     """
     has_detail = uv_da is not None or mip_level_bias is not None
     if filter_mode == "auto":

@@ -28,12 +28,12 @@ from torch.autograd.forward_ad import unpack_dual
 from torch.autograd.function import once_differentiable
 
 from . import (
-    Connectivity, Coverage, Environment, Fragments, Grid, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix, Texture, Topology,
-    _detail, _levels, _native, _operations, num_threads, set_num_threads,
+    Connectivity, Coverage, Environment, Fragments, Grid, LensLayer, Prefilter, RenderError, Rigidity, SparseMatrix,
+    Texture, Topology, _operations, num_threads, set_num_threads,
 )
 from . import Mesh as _Mesh
 from ._dual import Dual
-from ._given import size_of, surface_of
+from ._given import size_of
 from ._operations import Single, Step, dressed
 
 __all__ = [
@@ -102,26 +102,18 @@ class _Recorded(torch.autograd.Function):
         return None, *map(_to_tensor, gradients)
 
 
-@torch.compiler.disable
-def _record(run: Callable, *tensors: Tensor | None) -> tuple[Tensor, ...]:
-    """The outputs of a step. Tensors are in the order of the native function's inputs."""
-    return _Recorded.apply(run, *tensors)
-
-
-def _only(run: Callable, *tensors: Tensor | None) -> Tensor:
-    (value,) = _record(run, *tensors)
-    return value
-
-
-def _like(value: Value | None, tensor: Tensor) -> Tensor | None:
-    """A number as a tensor of the type of another; tensors and `None` stay as they are."""
-    return value if value is None or isinstance(value, torch.Tensor) else torch.as_tensor(value, dtype=tensor.dtype)
+def _like(value: Value, tensor: Tensor) -> Tensor:
+    """A number as a tensor of the type of another."""
+    return torch.as_tensor(value, dtype=tensor.dtype)
 
 
 def _still(name: str, tensor: Tensor | None) -> Any:
-    """The numbers of a tensor that gets no gradient. One that asks for it is refused, not left without in silence."""
-    if isinstance(tensor, Tensor) and tensor.requires_grad and torch.is_grad_enabled():
-        raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
+    """The numbers of a tensor that gets no gradient. One with a name is refused where it asks for it."""
+    if name and isinstance(tensor, Tensor):
+        if tensor.requires_grad and torch.is_grad_enabled():
+            raise RenderError(f"{name} has no gradient here and needs to be detached, got a tensor that requires one")
+        if unpack_dual(tensor).tangent is not None:
+            raise RenderError(f"{name} has no tangent here and needs to be detached, got a tensor with one")
     return _to_array(tensor)
 
 
@@ -130,182 +122,11 @@ def Mesh(faces: Any, vertex_count: int) -> _Mesh:
     return _Mesh(_to_array(faces) if isinstance(faces, torch.Tensor) else np.asarray(faces), vertex_count)
 
 
-# Cameras and poses.
-
-
-def project(
-    positions: Tensor, camera: Value, rotation: Value | None = None, translation: Value | None = None
-) -> Tensor:
-    """As `bokashi.project`."""
-    optional = [_like(value, positions) for value in (rotation, translation)]
-    return _only(_native.project, positions, _like(camera, positions), *optional)
-
-
-def project_instances(positions: Tensor, matrices: Value, camera: Value) -> Tensor:
-    """As `bokashi.project_instances`."""
-    return _only(_native.project_instances, positions, _like(matrices, positions), _like(camera, positions))
-
-
-def pinhole(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
-    """As `bokashi.pinhole`."""
-    return _only(lambda x: _native.pinhole(x, *size_of(size), near, far), intrinsics)
-
-
-def orthographic(intrinsics: Tensor, size: int | Sequence[int], near: float, far: float) -> Tensor:
-    """As `bokashi.orthographic`."""
-    return _only(lambda x: _native.orthographic(x, *size_of(size), near, far), intrinsics)
-
-
-def distort(points: Tensor, coefficients: Value) -> Tensor:
-    """As `bokashi.distort`."""
-    return _only(_native.distort, points, _like(coefficients, points))
-
-
-def fisheye(points: Tensor, coefficients: Value) -> Tensor:
-    """As `bokashi.fisheye`."""
-    return _only(_native.fisheye, points, _like(coefficients, points))
-
-
-def rigid(rotation: Tensor, translation: Value) -> Tensor:
-    """As `bokashi.rigid`."""
-    return _only(_native.rigid, rotation, _like(translation, rotation))
-
-
-def se3(increment: Tensor, fixed: Value) -> Tensor:
-    """As `bokashi.se3`."""
-    pose = _still("fixed", _like(fixed, increment))
-    return _only(lambda x: _native.se3(x, pose), increment)
-
-
-def affine_inverse(matrix: Tensor) -> Tensor:
-    """As `bokashi.affine_inverse`."""
-    return _only(_native.affine_inverse, matrix)
-
-
-def transform_points(points: Tensor, matrix: Value) -> Tensor:
-    """As `bokashi.transform_points`."""
-    return _only(_native.transform_points, points, _like(matrix, points))
-
-
-def transform_normals(normals: Tensor, matrix: Value) -> Tensor:
-    """As `bokashi.transform_normals`."""
-    return _only(_native.transform_normals, normals, _like(matrix, normals))
-
-
-# Fragments.
-
-
-def rasterize(
-    clip: Tensor, mesh: _Mesh, size: int | Sequence[int], *, cull: str = "none", exact: bool = False,
-    creases: Sequence[Tensor | tuple[Tensor, _Mesh | None]] = (), crease_tolerance: float = 2e-3,
-) -> Fragments[Tensor]:
-    """As `bokashi.rasterize`: fragments whose barycentrics and weights lead back to `clip`."""
-    height, width = size_of(size)
-    pairs = [crease if isinstance(crease, tuple) else (crease, None) for crease in creases]
-    meshes = [mesh for _, mesh in pairs]
-    found: list[Coverage] = []
-
-    def run(clip, *attributes):
-        coverage, outputs, pull_back = _native.rasterize(
-            clip, mesh, height, width, cull, exact, list(zip(attributes, meshes)), crease_tolerance=crease_tolerance
-        )
-        found.append(coverage)
-        return outputs, pull_back
-
-    barycentrics, *weight = _record(run, clip, *[values.detach() for values, _ in pairs])
-    return Fragments(barycentrics, weight[0] if weight else None, clip, found[0])
-
-
-def interpolate(attributes: Tensor, fragments: Fragments[Tensor], mesh: _Mesh | None = None) -> Tensor:
-    """As `bokashi.interpolate`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.interpolate(*x, coverage, mesh)
-
-    return _only(run, attributes, *fragments.arrays)
-
-
-def interpolate_differentials(
-    attributes: Tensor, fragments: Fragments[Tensor], differentials: Tensor, mesh: _Mesh | None = None
-) -> Tensor:
-    """As `bokashi.interpolate_differentials`."""
-    coverage = fragments.coverage
-
-    def run(*x):
-        return _native.interpolate_differentials(*x, coverage, mesh)
-
-    return _only(run, attributes, differentials, *fragments.arrays)
-
-
-def differentials(fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.differentials`."""
-
-    def run(*x):
-        return _native.differentials(*x, fragments.coverage)
-
-    return _only(run, *fragments.arrays)
-
-
-def depth(fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.depth`."""
-
-    def run(*x):
-        return _native.depth(*x, fragments.coverage)
-
-    return _only(run, *fragments.arrays)
-
-
-def eye_depth(fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.eye_depth`."""
-
-    def run(*x):
-        return _native.eye_depth(*x, fragments.coverage)
-
-    return _only(run, *fragments.arrays)
-
-
-# Pictures.
-
-
-def picture(
-    values: Tensor, fragments: Fragments[Tensor], background: Value | None = None, *, antialias: bool = True,
-    reference: Tensor | None = None,
-) -> Tensor:
-    """As `bokashi.picture`: an image, or with a `reference` a loss."""
-    coverage = fragments.coverage
-    target = _still("reference", reference)
-
-    def run(*x):
-        return _native.picture(*x, coverage, antialias, target)
-
-    # The reference is the last input, without a gradient.
-    tensors = values, _like(background, values), *fragments.arrays
-    return _only(_with_spare(run, target), *tensors)
-
-
-def antialias_image(image: Tensor, fragments: Fragments[Tensor]) -> Tensor:
-    """As `bokashi.antialias_image`."""
-    coverage = fragments.coverage
-
-    def run(image, clip, barycentrics):
-        outputs, pull_back = _native.antialias_image(image, barycentrics, clip, coverage)
-
-        def pull(*upstream, wanted):
-            image_bar, _, clip_bar, _ = pull_back(*upstream, wanted=(wanted[0], False, wanted[1], False))
-            return image_bar, clip_bar, None
-
-        return outputs, pull
-
-    barycentrics, clip, _ = fragments.arrays
-    return _only(run, image, clip, barycentrics.detach())
-
-
-def _with_spare(run: Callable, *spare: Any) -> Callable:
-    """A step with further inputs that have no gradient."""
+def _with_spare(run: Callable, spare: Sequence[Any]) -> Callable:
+    """A step that is given further arrays, which have no gradient."""
 
     def run_with(*arrays):
-        outputs, pull_back = run(*arrays)
+        outputs, pull_back = run(*arrays, *spare)
         more = (False,) * len(spare)
 
         def pull(*upstream, wanted):
@@ -316,22 +137,128 @@ def _with_spare(run: Callable, *spare: Any) -> Callable:
     return run_with
 
 
-def render(
-    positions: Tensor, mesh: _Mesh, colors: Tensor, size: int | Sequence[int], *, camera: Value | None = None,
-    background: Value | None = None, color_mesh: _Mesh | None = None, cull: str = "none", silhouettes: str = "exact",
-    reference: Tensor | None = None, crease_tolerance: float = 2e-3,
-) -> Tensor:
-    """As `bokashi.render`: a whole step, an image, or with a `reference` a loss."""
-    height, width = size_of(size)
-    target = _still("reference", reference)
+@overload
+def _of_torch(describe: Callable[_P, Single]) -> Callable[_P, Tensor]: ...
+@overload
+def _of_torch(describe: Callable[_P, Step]) -> Callable[_P, Any]: ...
+def _of_torch(describe: Callable[..., Step]) -> Callable[..., Any]:
+    """The function of tensors that a description tells."""
 
-    def run(*x):
-        return _native.render(
-            *x, mesh, height, width, color_mesh, cull, silhouettes, target, crease_tolerance
-        )
+    def function(*arguments: Any, **options: Any) -> Any:
+        step = describe(*arguments, **options)
+        run, tensors = step.run, step.arrays
+        for first in tensors:
+            if isinstance(first, Tensor):
+                tensors = [x if x is None or isinstance(x, Tensor) else _like(x, first) for x in tensors]
+                break
+        given = tensors
+        if step.still:
+            given = tensors[: -len(step.still)]
+            run = _with_spare(run, [_still(name, x) for name, x in zip(step.still, tensors[len(given) :])])
+        return step.result(_Recorded.apply(run, *given), tensors)
 
-    tensors = positions, _like(camera, positions), colors, _like(background, positions)
-    return _only(_with_spare(run, target), *tensors)
+    opaque = torch.compiler.disable(function)
+    return dressed(opaque, describe, "bokashi.torch", "Tensor", doc=f"As `bokashi.{describe.__name__}`.")
+
+
+# Cameras and poses.
+
+project = _of_torch(_operations.project)
+project_instances = _of_torch(_operations.project_instances)
+pinhole = _of_torch(_operations.pinhole)
+orthographic = _of_torch(_operations.orthographic)
+distort = _of_torch(_operations.distort)
+fisheye = _of_torch(_operations.fisheye)
+rigid = _of_torch(_operations.rigid)
+se3 = _of_torch(_operations.se3)
+affine_inverse = _of_torch(_operations.affine_inverse)
+transform_points = _of_torch(_operations.transform_points)
+transform_normals = _of_torch(_operations.transform_normals)
+
+# Fragments.
+
+rasterize = _of_torch(_operations.rasterize)
+interpolate = _of_torch(_operations.interpolate)
+interpolate_differentials = _of_torch(_operations.interpolate_differentials)
+differentials = _of_torch(_operations.differentials)
+depth = _of_torch(_operations.depth)
+eye_depth = _of_torch(_operations.eye_depth)
+eye_depth_slope = _of_torch(_operations.eye_depth_slope)
+
+# Pictures.
+
+picture = _of_torch(_operations.picture)
+antialias_image = _of_torch(_operations.antialias_image)
+render = _of_torch(_operations.render)
+
+# Layers.
+
+rasterize_behind = _of_torch(_operations.rasterize_behind)
+depth_layers = _of_torch(_operations.depth_layers)
+composite_layers = _of_torch(_operations.composite_layers)
+lens_picture = _of_torch(_operations.lens_picture)
+
+# Textures.
+
+mipmaps = _of_torch(_operations.mipmaps)
+sample_texture = _of_torch(_operations.sample_texture)
+sample_cube_map = _of_torch(_operations.sample_cube_map)
+
+# Normals and light.
+
+face_normals = _of_torch(_operations.face_normals)
+vertex_normals = _of_torch(_operations.vertex_normals)
+tangents = _of_torch(_operations.tangents)
+perturbed_normals = _of_torch(_operations.perturbed_normals)
+reflect = _of_torch(_operations.reflect)
+shade = _of_torch(_operations.shade)
+prefiltered = _of_torch(_operations.prefiltered)
+irradiance = _of_torch(_operations.irradiance)
+shade_in_environment = _of_torch(_operations.shade_in_environment)
+
+# Images.
+
+gaussian_blur = _of_torch(_operations.gaussian_blur)
+depth_of_field = _of_torch(_operations.depth_of_field)
+downsample = _of_torch(_operations.downsample)
+exposure = _of_torch(_operations.exposure)
+over = _of_torch(_operations.over)
+srgb_encode = _of_torch(_operations.srgb_encode)
+srgb_decode = _of_torch(_operations.srgb_decode)
+
+# Losses.
+
+squared_error = _of_torch(_operations.squared_error)
+mean_error = _of_torch(_operations.mean_error)
+ssim_error = _of_torch(_operations.ssim_error)
+multiscale_ssim_error = _of_torch(_operations.multiscale_ssim_error)
+silhouette_error = _of_torch(_operations.silhouette_error)
+depth_error = _of_torch(_operations.depth_error)
+halved = _of_torch(_operations.halved)
+total_variation = _of_torch(_operations.total_variation)
+
+# Vectors and rows.
+
+norm = _of_torch(_operations.norm)
+normalize = _of_torch(_operations.normalize)
+dot = _of_torch(_operations.dot)
+cross = _of_torch(_operations.cross)
+matmul = _of_torch(_operations.matmul)
+gather_rows = _of_torch(_operations.gather_rows)
+scatter_add_rows = _of_torch(_operations.scatter_add_rows)
+sparse_product = _of_torch(_operations.sparse_product)
+sigmoid = _of_torch(_operations.sigmoid)
+softplus = _of_torch(_operations.softplus)
+
+# Meshes.
+
+laplacian_error = _of_torch(_operations.laplacian_error)
+edge_length_error = _of_torch(_operations.edge_length_error)
+normal_error = _of_torch(_operations.normal_error)
+rigid_error = _of_torch(_operations.rigid_error)
+field_surface = _of_torch(_operations.field_surface)
+draw_points = _of_torch(_operations.draw_points)
+chamfer_distance = _of_torch(_operations.chamfer_distance)
 
 
 class Renderer(torch.nn.Module):
@@ -365,228 +292,3 @@ class Renderer(torch.nn.Module):
 
     def extra_repr(self) -> str:
         return f"{self.mesh!r}, size={self.size}, cull={self.cull!r}, silhouettes={self.silhouettes!r}"
-
-
-# Textures.
-
-
-def mipmaps(texels: Tensor, coarsest: int | None = None) -> tuple[Tensor, ...]:
-    """As `bokashi.mipmaps`."""
-    return _record(lambda texels: _native.mipmaps(texels, coarsest), texels)
-
-
-def _sample(
-    function: Callable, texels: Tensor | Texture, coordinates: Tensor, level: Value | None,
-    differentials: Tensor | None, bias: Value | None, filter: str, border: str | Sequence[str], coarsest: int | None,
-    probes: int, mips: Sequence[Tensor] | None,
-) -> Tensor:
-    borders = (border, border) if isinstance(border, str) else tuple(border)
-    level, bias = _like(level, coordinates), _like(bias, coordinates)
-    makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
-
-    still, own = _levels(texels, mips)
-
-    def run(coordinates, level, differentials, bias, *levels):
-        return function(
-            coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
-            still,
-        )
-
-    return _only(run, coordinates, level, differentials, bias, *own)
-
-
-def sample_texture(
-    texels: Tensor | Texture, coordinates: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
-    bias: Value | None = None, filter: str = "trilinear", border: str | Sequence[str] = "wrap",
-    coarsest: int | None = None, probes: int = 8, mips: Sequence[Tensor] | None = None,
-) -> Tensor:
-    """As `bokashi.sample_texture`."""
-    return _sample(
-        _native.sample_texture, texels, coordinates, level, differentials, bias, filter, border, coarsest, probes, mips
-    )
-
-
-def sample_cube_map(
-    texels: Tensor | Texture, directions: Tensor, *, level: Value | None = None, differentials: Tensor | None = None,
-    bias: Value | None = None, filter: str = "trilinear", coarsest: int | None = None, probes: int = 8,
-    mips: Sequence[Tensor] | None = None,
-) -> Tensor:
-    """As `bokashi.sample_cube_map`."""
-    return _sample(
-        _native.sample_cube_map, texels, directions, level, differentials, bias, filter, "wrap", coarsest, probes, mips
-    )
-
-
-# Normals and light.
-
-
-def face_normals(positions: Tensor, mesh: _Mesh) -> Tensor:
-    """As `bokashi.face_normals`."""
-    return _only(lambda x: _native.face_normals(x, mesh), positions)
-
-
-def vertex_normals(positions: Tensor, mesh: _Mesh, weighting: str = "angle") -> Tensor:
-    """As `bokashi.vertex_normals`."""
-    return _only(lambda x: _native.vertex_normals(x, mesh, weighting), positions)
-
-
-def tangents(
-    positions: Tensor, normals: Tensor, coordinates: Tensor, mesh: _Mesh, coordinates_mesh: _Mesh | None = None
-) -> Tensor:
-    """As `bokashi.tangents`."""
-
-    def run(positions, normals, coordinates):
-        return _native.tangents(positions, normals, coordinates, mesh, coordinates_mesh)
-
-    return _only(run, positions, normals, coordinates)
-
-
-def perturbed_normals(normals: Tensor, tangents: Tensor, values: Tensor) -> Tensor:
-    """As `bokashi.perturbed_normals`."""
-    return _only(_native.perturbed_normals, normals, tangents, values)
-
-
-def reflect(directions: Tensor, normals: Tensor) -> Tensor:
-    """As `bokashi.reflect`."""
-    return _only(_native.reflect, directions, normals)
-
-
-def shade(
-    normals: Tensor, views: Value, material: Sequence[Value], lights: Sequence[tuple[Any, ...]], *,
-    positions: Value | None = None, model: str = "metallic-roughness", conserves_energy: bool = False,
-) -> Tensor:
-    """As `bokashi.shade`."""
-    kinds, of_material, of_lights = surface_of(material, lights)
-
-    def run(normals, views, positions, *arrays):
-        own = [values for values in arrays[:3] if values is not None]
-        shining = list(zip(kinds, arrays[3::2], arrays[4::2]))
-        return _native.shade(normals, views, positions, own, model, shining, conserves_energy)
-
-    return _only(run, normals, *[_like(values, normals) for values in (views, positions, *of_material, *of_lights)])
-
-
-# Images.
-
-
-def gaussian_blur(
-    image: Tensor, sigma: Value, *, kernel: str = "sampled", border: str = "mirror", tolerance: float = 1e-6,
-    radius: int | None = None,
-) -> Tensor:
-    """As `bokashi.gaussian_blur`."""
-
-    def run(image, sigma):
-        return _native.gaussian_blur(image, sigma, kernel, border, tolerance, radius)
-
-    return _only(run, image, _like(sigma, image))
-
-
-def depth_of_field(
-    image: Tensor, distances: Tensor, aperture: Value, focus: Value, *, largest_sigma: float = 32.0,
-    tolerance: float = 1e-3, blades: int | None = None, rotation: float = 0.0,
-) -> Tensor:
-    """As `bokashi.depth_of_field`."""
-
-    def run(*x):
-        return _native.depth_of_field(*x, largest_sigma, tolerance, blades, rotation)
-
-    return _only(run, image, distances, _like(aperture, image), _like(focus, image))
-
-
-def downsample(image: Tensor, factor: int) -> Tensor:
-    """As `bokashi.downsample`."""
-    return _only(lambda x: _native.downsample(x, factor), image)
-
-
-def exposure(image: Tensor, stops: Value) -> Tensor:
-    """As `bokashi.exposure`."""
-    return _only(_native.exposure, image, _like(stops, image))
-
-
-def over(front: Tensor, back: Tensor) -> Tensor:
-    """As `bokashi.over`."""
-    return _only(_native.over, front, back)
-
-
-def srgb_encode(x: Tensor) -> Tensor:
-    """As `bokashi.srgb_encode`."""
-    return _only(_native.srgb_encode, x)
-
-
-def srgb_decode(y: Tensor) -> Tensor:
-    """As `bokashi.srgb_decode`."""
-    return _only(_native.srgb_decode, y)
-
-
-@overload
-def _of_torch(describe: Callable[_P, Single]) -> Callable[_P, Tensor]: ...
-@overload
-def _of_torch(describe: Callable[_P, Step]) -> Callable[_P, Any]: ...
-def _of_torch(describe: Callable[..., Step]) -> Callable[..., Any]:
-    """The function of tensors that a description tells."""
-
-    def function(*arguments: Any, **options: Any) -> Any:
-        step = describe(*arguments, **options)
-        first = next((x for x in step.arrays if isinstance(x, Tensor)), None)
-        tensors = [x if first is None else _like(x, first) for x in step.arrays]
-        count = len(tensors) - len(step.still)
-        spare = [_still(name, tensor) for name, tensor in zip(step.still, tensors[count:])]
-
-        def run(*arrays: Any) -> Any:
-            return step.run(*arrays, *spare)
-
-        return step.result(_record(_with_spare(run, *spare) if spare else step.run, *tensors[:count]))
-
-    return dressed(function, describe, "bokashi.torch", "Tensor", f"As `bokashi.{describe.__name__}`.")
-
-
-# Vectors and rows.
-
-norm = _of_torch(_operations.norm)
-normalize = _of_torch(_operations.normalize)
-dot = _of_torch(_operations.dot)
-cross = _of_torch(_operations.cross)
-matmul = _of_torch(_operations.matmul)
-gather_rows = _of_torch(_operations.gather_rows)
-scatter_add_rows = _of_torch(_operations.scatter_add_rows)
-sparse_product = _of_torch(_operations.sparse_product)
-sigmoid = _of_torch(_operations.sigmoid)
-softplus = _of_torch(_operations.softplus)
-
-# Losses.
-
-squared_error = _of_torch(_operations.squared_error)
-mean_error = _of_torch(_operations.mean_error)
-ssim_error = _of_torch(_operations.ssim_error)
-multiscale_ssim_error = _of_torch(_operations.multiscale_ssim_error)
-silhouette_error = _of_torch(_operations.silhouette_error)
-depth_error = _of_torch(_operations.depth_error)
-halved = _of_torch(_operations.halved)
-
-# Regularizers.
-
-total_variation = _of_torch(_operations.total_variation)
-laplacian_error = _of_torch(_operations.laplacian_error)
-edge_length_error = _of_torch(_operations.edge_length_error)
-normal_error = _of_torch(_operations.normal_error)
-rigid_error = _of_torch(_operations.rigid_error)
-
-# Surfaces.
-
-field_surface = _of_torch(_operations.field_surface)
-draw_points = _of_torch(_operations.draw_points)
-chamfer_distance = _of_torch(_operations.chamfer_distance)
-
-# Layers.
-
-eye_depth_slope = _of_torch(_operations.eye_depth_slope)
-rasterize_behind = _of_torch(_operations.rasterize_behind)
-depth_layers = _of_torch(_operations.depth_layers)
-composite_layers = _of_torch(_operations.composite_layers)
-lens_picture = _of_torch(_operations.lens_picture)
-
-# Environments.
-
-prefiltered = _of_torch(_operations.prefiltered)
-irradiance = _of_torch(_operations.irradiance)
-shade_in_environment = _of_torch(_operations.shade_in_environment)
