@@ -21,12 +21,13 @@ pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
     Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, LensNumber,
-    LossEntry, LossKind, Remesh, Stage, StopEntry,
+    LossEntry, LossKind, Remesh, Stage, StageTexture, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{
-    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, StartCount, SurfaceCount,
+    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, StartCount,
+    SurfaceCount, TextureSize,
 };
 pub use pipeline::{
     CullName, EnvironmentEntry, FilterName, IrisEntry, KernelName, LensEntry, LightEntry,

@@ -14,4 +14,5 @@ mod ranks;
 mod rays;
 mod resuming;
 mod stack;
+mod stage_textures;
 mod stages;
