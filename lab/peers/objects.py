@@ -229,6 +229,8 @@ def score(args):
         out = args.runs / name / "out"
         truth = trimesh.load(args.folder / name / "truth.ply", process=True)
         found = trimesh.load(out / "object.ply", process=False, force="mesh")
+        # Where a texture has a seam, a file has a vertex for each side.
+        found.merge_vertices(merge_tex=True, merge_norm=True)
         half = 0.5 * np.linalg.norm(truth.extents)
 
         def drawn(mesh, count, seed):

@@ -15,7 +15,7 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
     check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
-use bokashi_mesh::{Grid, MeshError, nearest_on_surface, normal_consistency};
+use bokashi_mesh::{AtlasOptions, Grid, MeshError, atlas, nearest_on_surface, normal_consistency};
 use bokashi_render_ops::{
     Background, Blur, Coverage, Detail, Fragments, Kernel, Layer, Mesh, Prefilter, RasterOptions,
     RenderError, Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias,
@@ -239,6 +239,8 @@ fn every_render_error_says_the_rule_and_the_value() {
 fn every_mesh_error_says_the_rule_and_the_value() {
     let points = Tensor::<f64>::zeros([3, 3]);
     let (flat, empty) = (Mesh::new(vec![[0, 1, 2]], 3).unwrap(), Mesh::new(vec![], 3).unwrap());
+    let apart = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
+    let corners = Tensor::from_flat_fn([6, 3], |k| [0.0, 1.0, 2.0, 4.0, 9.0][k * k % 5]);
     let table: Vec<(MeshError, &str)> = vec![
         (
             Grid::new([4, 1, 3], [0.0; 3], 1.0).unwrap_err(),
@@ -262,6 +264,11 @@ fn every_mesh_error_says_the_rule_and_the_value() {
         (
             normal_consistency((&points, &flat), (&points, &flat), 9, 0).unwrap_err(),
             "normal_consistency needs a face with an area, got none among 1",
+        ),
+        (
+            // Of two faces that share no edge.
+            atlas(&corners, &apart, &AtlasOptions::new(3)).map(drop).unwrap_err(),
+            "an atlas of 2 charts needs more texels than 3 x 3",
         ),
         (
             Mesh::new(vec![[0, 1, 3]], 3).unwrap_err().into(),

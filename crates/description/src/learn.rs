@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{Count, NotNegative, Positive, Share, StartCount};
+use crate::numbers::{Count, NotNegative, Positive, Share, StartCount, TextureSize};
 
 /// What is learnt. What is absent stays as it is and costs no gradient.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -183,6 +183,9 @@ pub struct Stage {
     pub rates: Option<Positive>,
     /// Gives meshes whose vertices are learnt other vertices and faces, at the start of the stage and now and then.
     pub remesh: Option<Remesh>,
+    /// Gives meshes whose colours are learnt at vertices a texture at the start of the stage, which is learnt from then
+    /// on.
+    pub texture: Option<StageTexture>,
 }
 
 /// How meshes get other vertices and faces. Their topology stays, and what was learnt is carried over.
@@ -193,6 +196,14 @@ pub struct Remesh {
     pub length: Positive,
     /// Again after so many steps each; absent, once.
     pub every: Option<Count>,
+}
+
+/// The texture that meshes get. It begins with their colours.
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StageTexture {
+    /// The texels along each side, a power of two.
+    pub size: TextureSize,
 }
 
 /// When a fit ends.

@@ -79,6 +79,10 @@ numbers! {
     /// A whole number from 1 to 4096.
     StartCount: usize, "a whole number from 1 to 4096", |x| (1.0..=4096.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 4096];
+    /// A power of two from 16 to 8192.
+    TextureSize: usize, "a power of two from 16 to 8192",
+        |x| (16.0..=8192.0).contains(&x) && x.fract() == 0.0 && (x as u64).is_power_of_two(),
+        ["type" = "integer", "format" = "uint", "minimum" = 16, "maximum" = 8192];
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];

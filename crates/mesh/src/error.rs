@@ -54,6 +54,14 @@ pub enum MeshError {
         /// Where it would stand.
         position: [f64; 3],
     },
+    /// A texture without room for all charts.
+    #[error("an atlas of {charts} charts needs more texels than {size} x {size}")]
+    AtlasSize {
+        /// The texels along each side.
+        size: usize,
+        /// How many charts there are.
+        charts: usize,
+    },
     /// A surface without an area.
     #[error("{operation} needs a face with an area, got none among {faces}")]
     NoArea {

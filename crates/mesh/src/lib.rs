@@ -26,10 +26,12 @@
 //! | other meshes of one | [`remesh()`], [`subdivide()`]; a [`DerivedMesh`] carries over what stood at vertices |
 //! | other positions | [`smooth()`] |
 //! | numbers of a mesh | [`Connectivity`]; [`surface_area()`], [`signed_volume()`], [`self_intersections()`] |
+//! | texture coordinates | [`atlas()`], packed charts; a [`TexelMap`] bakes values at vertices into texels |
 //! | surfaces of fields | [`field_surface()`] at the points of a [`Grid`], [`extract_surface()`] without a tape |
 //! | points on surfaces | [`draw_points()`], [`nearest_on_surface()`]; [`SurfacePoints`] move with the surface |
 //! | distances | [`chamfer_distance()`]; [`nearest_points()`], [`f_score()`], [`normal_consistency()`] |
 
+mod atlas;
 mod box_tree;
 mod connectivity;
 mod crossing;
@@ -53,6 +55,7 @@ mod smooth;
 mod subdivide;
 mod triangle;
 
+pub use atlas::{Atlas, AtlasOptions, TexelMap, atlas};
 pub use connectivity::Connectivity;
 pub use derived_mesh::DerivedMesh;
 pub use distances::{

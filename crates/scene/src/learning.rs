@@ -10,7 +10,7 @@ use bokashi_fit::{
 
 use crate::description::Positive;
 use crate::error::{Location, SceneError};
-use crate::learnables::{Learnable, TABLE, VERTICES};
+use crate::learnables::{Learnable, TABLE, TEXTURE, VERTICES};
 use crate::memory::OF_LEARNT_NUMBER;
 use crate::scene::Scene;
 
@@ -45,6 +45,7 @@ impl Regularizer {
             }
             Rule::Normals(topology) => normal_error(value, topology)?,
             // Rounded where neighbours differ by less than a step of 8 bits.
+            // Texels of gutters are as they are learnt, not copies: charts would be made alike where copies meet.
             Rule::TotalVariation => {
                 total_variation(value, Penalty::Charbonnier { scale: 1.0 / 255.0 })?
             }
@@ -120,7 +121,7 @@ impl Learnt {
             self.rates.push(LearntRate { name, key: row.key, rate });
         }
         match entry.total_variation {
-            Some(weight) if maps == 0 => {
+            Some(weight) if maps == 0 && !awaits_map(scene, row) => {
                 let rule = "has a total variation where a mesh has a map: none has, and it is";
                 Err(wrong(scene, format!("`learn.{}` {rule} {}", row.key, weight.0)))
             }
@@ -167,6 +168,11 @@ impl Learnt {
         let (parameter, weight) = (name.to_owned(), weight.0 as f32);
         self.regularizers.push(Regularizer { parameter, weight, rule });
     }
+}
+
+/// Whether some mesh is still to get a map of a row.
+fn awaits_map(scene: &Scene, row: &Learnable) -> bool {
+    row.key == TEXTURE.key && scene.objects.iter().any(|object| scene.awaits_texture(object))
 }
 
 fn wrong(scene: &Scene, message: impl std::fmt::Display) -> SceneError {

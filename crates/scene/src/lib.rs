@@ -53,6 +53,7 @@ mod saved_fit;
 mod scene;
 mod scene_view;
 mod shapes;
+mod stage_texture;
 mod stopping;
 mod summary;
 mod targets;

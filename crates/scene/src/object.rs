@@ -3,9 +3,10 @@
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
+use std::sync::Arc;
 
-use bokashi_core::Tensor;
-use bokashi_render_ops::Mesh;
+use bokashi_core::{Tensor, TensorError, Var};
+use bokashi_render_ops::{Mesh, TextureBorder};
 use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
@@ -33,6 +34,29 @@ pub struct SurfaceMap {
     pub borders: Borders,
     /// Whether its file names an image that was left out: it is missing, or can't be read.
     pub is_missing: bool,
+    /// Where the fit made it: what lies between its charts.
+    pub(crate) gutters: Option<Gutters>,
+}
+
+/// What lies between the charts of a texture, and how far apart they are.
+#[derive(Debug, Clone)]
+pub(crate) struct Gutters {
+    /// The texel that each is a copy of, row by row: itself, where some face shows it.
+    pub(crate) sources: Arc<[u32]>,
+    /// The coarsest level of detail that keeps charts apart.
+    pub(crate) levels: usize,
+}
+
+impl Gutters {
+    /// The texels `[S, S, C]`, each a copy of its source.
+    ///
+    /// # Errors
+    /// [`TensorError`] for a texture of another size.
+    pub(crate) fn filled<'t>(&self, texels: Var<'t, f32>) -> Result<Var<'t, f32>, TensorError> {
+        let shape = texels.shape();
+        let rows = texels.reshape([shape[0] * shape[1], shape[2]])?;
+        rows.gather_rows(&self.sources)?.reshape(&shape[..])
+    }
 }
 
 /// What a surface is made of. A map stands in the place of its number, which it was multiplied by.
@@ -229,6 +253,24 @@ impl Object {
         (self.mesh, self.positions) = (mesh, positions);
     }
 
+    /// Gives an object that is not [fixed](Self::fixed) a texture in the place of its colours.
+    pub(crate) fn set_texture(
+        &mut self,
+        coordinates: Attribute,
+        texels: Tensor<f32>,
+        gutters: Gutters,
+    ) {
+        (self.colors, self.tangents) = (None, None);
+        self.coordinates = Some(coordinates);
+        let (borders, gutters) = ([TextureBorder::Clamp; 2], Some(gutters));
+        for material in &mut self.materials {
+            let gutters = gutters.clone();
+            material.base_color = [1.0; 3];
+            material.texture =
+                SurfaceMap { texels: Some(texels.clone()), borders, is_missing: false, gutters };
+        }
+    }
+
     /// The least and the largest coordinates in the world; `None` without vertices.
     pub(crate) fn extent(&self) -> Option<[DVec3; 2]> {
         bounds(self.places.iter().flat_map(|m| self.points().map(|p| m.transform_point3(p))))
@@ -300,7 +342,7 @@ impl SurfaceMaterial {
         let map = |map: MaterialMap, texels: &dyn Fn(&Picture) -> Tensor<f32>| {
             let MaterialMap { image, borders, is_missing } = map;
             let texels = image.and_then(|k| images.get(k)).map(texels);
-            SurfaceMap { texels, borders, is_missing }
+            SurfaceMap { texels, borders, is_missing, gutters: None }
         };
         let [red, green, blue, _] = material.base_color;
         let base_color = [red, green, blue];

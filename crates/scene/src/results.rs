@@ -17,7 +17,7 @@ use crate::error::{Location, SceneError};
 use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{ObjFiles, glb, is_word, obj, ply};
 use crate::model::Model;
-use crate::object::SurfaceMaterial;
+use crate::object::{Object, SurfaceMaterial};
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 use crate::scene_view::SceneView;
@@ -105,7 +105,10 @@ impl Scene {
         let usual = ["transforms.json", FACES, PANORAMA, "numbers.json"];
         let images = (1..=self.obj_image_count()).map(|number| format!("{MESH}-{number}.png"));
         let meshes = self.objects.iter().map(|object| format!("{}.ply", object.name));
-        let textures = self.textures().map(|(name, _)| name);
+        let textures = self.named_materials().filter(|(_, object, material)| {
+            material.texture.texels.is_some() || self.awaits_texture(object)
+        });
+        let textures = textures.map(|(name, ..)| texture_name(&name));
         meshes_of_all
             .into_iter()
             .chain(usual)
@@ -118,29 +121,30 @@ impl Scene {
     }
 
     /// Materials with what their files are called after. Those of one name are one.
-    fn named_materials(&self) -> impl Iterator<Item = (String, &SurfaceMaterial)> {
+    fn named_materials(&self) -> impl Iterator<Item = (String, &Object, &SurfaceMaterial)> {
         let materials = self.objects.iter();
         let materials = materials
             .flat_map(|object| object.materials.iter().map(move |material| (object, material)));
         let mut seen = HashSet::new();
         materials.filter_map(move |(object, material)| {
             let name = object.material_name(material);
-            seen.insert(name.clone()).then_some((name, material))
+            seen.insert(name.clone()).then_some((name, object, material))
         })
     }
 
     /// Of each texture the name of its file, and its texels.
     fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
-        self.named_materials().filter_map(|(name, material)| {
+        self.named_materials().filter_map(|(name, _, material)| {
             Some((texture_name(&name), material.texture.texels.as_ref()?))
         })
     }
 
     /// How many images the OBJ has that no other result is.
     fn obj_image_count(&self) -> usize {
-        let counts = self.named_materials().map(|(name, material)| {
+        let counts = self.named_materials().map(|(name, object, material)| {
             let SurfaceMaterial { texture, roughness_metallic, normal_map, .. } = material;
-            let is_own = texture.texels.is_some() && !is_word(&texture_name(&name));
+            let has_texture = texture.texels.is_some() || self.awaits_texture(object);
+            let is_own = has_texture && !is_word(&texture_name(&name));
             // Roughness and metallic are two.
             let gray = 2 * usize::from(roughness_metallic.texels.is_some());
             usize::from(is_own) + gray + usize::from(normal_map.texels.is_some())

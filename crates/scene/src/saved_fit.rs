@@ -19,12 +19,21 @@ pub(crate) struct Progress {
     pub(crate) remeshed: Option<u64>,
 }
 
-/// The surface of an object that got other vertices.
+/// The surface of an object that got other vertices, or a texture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Surface {
     /// The object's name.
     pub(crate) object: String,
+    /// Other vertices and faces.
+    pub(crate) shape: Option<Shape>,
+    pub(crate) texture: Option<TexturedSurface>,
+}
+
+/// Vertices and faces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Shape {
     #[serde(with = "rows")]
     pub(crate) faces: Vec<[u32; 3]>,
     #[serde(with = "rows")]
@@ -34,7 +43,21 @@ pub(crate) struct Surface {
     pub(crate) colors: Vec<[f32; 3]>,
 }
 
-/// Rows of three numbers as base64 of their bytes, little-endian.
+/// Where a texture that was made in the fit lies on a surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TexturedSurface {
+    /// Texture coordinates.
+    #[serde(with = "rows")]
+    pub(crate) coordinates: Vec<[f32; 2]>,
+    /// Which of them the corners of faces have.
+    #[serde(with = "rows")]
+    pub(crate) corners: Vec<[u32; 3]>,
+    /// The coarsest level of detail that keeps its charts apart.
+    pub(crate) levels: usize,
+}
+
+/// Rows of two or three numbers as base64 of their bytes, little-endian.
 mod rows {
     use base64::Engine as _;
     use base64::engine::general_purpose::STANDARD;
@@ -61,26 +84,27 @@ mod rows {
     }
     words!(u32, f32);
 
-    pub(super) fn serialize<W: Word, S: Serializer>(
-        rows: &[[W; 3]],
+    pub(super) fn serialize<const N: usize, W: Word, S: Serializer>(
+        rows: &[[W; N]],
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
         let bytes: Vec<_> = rows.as_flattened().iter().flat_map(|word| word.to_bytes()).collect();
         serializer.serialize_str(&STANDARD.encode(bytes))
     }
 
-    pub(super) fn deserialize<'de, W: Word, D: Deserializer<'de>>(
+    pub(super) fn deserialize<'de, const N: usize, W: Word, D: Deserializer<'de>>(
         deserializer: D,
-    ) -> Result<Vec<[W; 3]>, D::Error> {
+    ) -> Result<Vec<[W; N]>, D::Error> {
         let bytes =
             STANDARD.decode(String::deserialize(deserializer)?).map_err(D::Error::custom)?;
-        let (rows, []) = bytes.as_chunks::<12>() else {
-            return Err(D::Error::custom("rows have three numbers"));
+        let words: Vec<W> = match bytes.as_chunks::<4>() {
+            (words, []) => words.iter().copied().map(W::from_bytes).collect(),
+            _ => return Err(D::Error::custom("numbers have four bytes")),
         };
-        let word = |row: &[u8; 12], k: usize| {
-            W::from_bytes([row[4 * k], row[4 * k + 1], row[4 * k + 2], row[4 * k + 3]])
-        };
-        Ok(rows.iter().map(|row| [0, 1, 2].map(|k| word(row, k))).collect())
+        match words.as_chunks::<N>() {
+            (rows, []) => Ok(rows.to_vec()),
+            _ => Err(D::Error::custom(format!("rows have {N} numbers"))),
+        }
     }
 }
 
@@ -196,7 +220,13 @@ mod tests {
         let rows = vec![[0.1, -0.0, f32::INFINITY]; 2];
         let faces = vec![[0, 1, u32::MAX]];
         let object = "vase".to_owned();
-        let surface = Surface { object, faces, positions: rows, colors: Vec::new() };
+        let texture = TexturedSurface {
+            coordinates: vec![[0.5, f32::MIN_POSITIVE]; 3],
+            corners: faces.clone(),
+            levels: 2,
+        };
+        let shape = Some(Shape { faces, positions: rows, colors: Vec::new() });
+        let surface = Surface { object, shape, texture: Some(texture) };
         let surfaces = vec![surface];
         let words = |all: &[(&str, &str)]| -> Given {
             all.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()

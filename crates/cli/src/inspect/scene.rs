@@ -240,6 +240,10 @@ fn inspect_stage(k: usize, stage: &Stage) -> Section {
     if let Some(rates) = stage.rates {
         section.fact("rates", format!("times {}", number(rates.0)), rates.0);
     }
+    if let Some(texture) = stage.texture {
+        let size = texture.size.0;
+        section.fact("new texture", format!("{size} x {size} texels"), size);
+    }
     if let Some(remesh) = &stage.remesh {
         let length = remesh.length.0;
         let every =

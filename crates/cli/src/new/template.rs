@@ -259,7 +259,9 @@ impl Template<'_> {
              # Neighbouring texels are alike, where no view says otherwise.\ntotal_variation = 1e-3\n";
         let toml = match self.start.map(|start| start.paint) {
             None if self.starts_from_hull() => {
-                format!("{vertices}# Colours at vertices.\n[learn.colors]\n")
+                let at_vertices =
+                    "# Colours at vertices, and then a texture: from the last stage on.\n";
+                format!("{vertices}{at_vertices}[learn.colors]\n\n{texture}")
             }
             None => format!("{vertices}{texture}"),
             Some(Paint::Textures | Paint::Coordinates) => texture.to_owned(),
@@ -305,7 +307,7 @@ impl Template<'_> {
         toml
     }
 
-    /// The stages of a fit from a hull: the shape roughly, then finely, and then colours.
+    /// The stages of a fit from a hull: the shape roughly, then finely, and then a texture.
     fn stages_from_hull(&self, photographs: &Photographs) -> String {
         let (fine, views) = (reduce(&photographs.sizes), photographs.images.len().min(VIEWS));
         let longest = photographs.sizes.iter().flatten().copied().max().unwrap_or(1);
@@ -319,8 +321,8 @@ impl Template<'_> {
             (1e3 * length.clamp(SHORTEST, 0.1)).round() / 1e3
         };
         let (first, last) = match self.has_rough_cameras {
-            true => ("learn = [\"vertices\", \"colors\"]\n", "[\"colors\", \"cameras\"]"),
-            false => ("", "[\"colors\"]"),
+            true => ("learn = [\"vertices\", \"colors\"]\n", "[\"texture\", \"cameras\"]"),
+            false => ("", "[\"texture\"]"),
         };
         format!(
             "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
@@ -330,11 +332,13 @@ impl Template<'_> {
              # Then all of it.{smaller}\n\
              [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
-             # At last colours alone.\n\
-             [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.3\n\
-             learn = {last}\n",
+             # At last colours alone, in a texture that begins as those at vertices. More texels than pixels that see\n\
+             # the object show no more.\n\
+             [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\n\
+             texture = {{ size = {} }}\nlearn = {last}\n",
             number(length(coarse)),
-            number(length(fine))
+            number(length(fine)),
+            (longest / fine).next_power_of_two().clamp(128, 2048)
         )
     }
 

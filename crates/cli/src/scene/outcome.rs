@@ -153,7 +153,10 @@ impl Outcome {
     /// What else to know of the fit, in sentences.
     pub(super) fn remarks(&self, fit: &SceneFit) -> impl Iterator<Item = String> {
         let shortened = fit.shortened_stages().map(|(stage, [done, steps])| {
-            format!("Stage {} ended by a rule of `[stop]`, after {done} of {steps} steps.", stage + 1)
+            format!(
+                "Stage {} ended by a rule of `[stop]`, after {done} of {steps} steps.",
+                stage + 1
+            )
         });
         let shortened: Vec<_> = shortened.collect();
         let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
@@ -165,7 +168,13 @@ impl Outcome {
             })
             .collect();
         let overlap = overlap_in_words(&overlaps);
-        let all = [ended, self.fell_in_words(), overlap, self.worst_in_words(fit), self.aligned_in_words()];
+        let all = [
+            ended,
+            self.fell_in_words(),
+            overlap,
+            self.worst_in_words(fit),
+            self.aligned_in_words(),
+        ];
         shortened.into_iter().chain(all.into_iter().flatten())
     }
 

@@ -129,9 +129,11 @@ fn learnt(fit: &SceneFit, outcome: &Outcome) -> Section {
     };
     let mut table =
         Table::new("", "", &["parameter", "shape", "first", "last"].map(|title| (title, "")));
-    for ((name, first), last) in outcome.first.iter().zip(fit.parameters().iter()) {
-        let last = last.value();
-        let words = [name.clone(), last.shape().to_string(), numbers(first), numbers(&last)];
+    for parameter in fit.parameters().iter() {
+        let (name, last) = (parameter.name(), parameter.value());
+        let first = outcome.first.iter().find(|(own, _)| own == name);
+        let first = first.map_or("made in the fit".to_owned(), |(_, first)| numbers(first));
+        let words = [name.to_owned(), last.shape().to_string(), first, numbers(&last)];
         table.push(words.map(Cell::Text).into());
     }
     let mut section = Section::new("learnt", "What was learnt", "");

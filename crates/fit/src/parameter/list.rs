@@ -148,6 +148,14 @@ impl<T: Scalar> Parameters<T> {
         Ok(())
     }
 
+    /// The parameters that `other` has, in its order: as they are here, where they are, and else as they are there.
+    #[must_use]
+    pub fn with_those_of(&self, other: &Self) -> Self {
+        let own = |parameter: &Parameter<T>| self.get(&parameter.name).unwrap_or(parameter).clone();
+        let list = other.list.iter().map(own).collect();
+        Self { list, names: Arc::clone(&other.names), updates: self.updates }
+    }
+
     /// Sets the learning rate of the parameter `name`; 0 freezes it.
     ///
     /// # Errors
@@ -308,6 +316,23 @@ mod tests {
         assert_eq!(short.get("v").unwrap().first.len(), 3);
         let other = Parameters::new().with(Parameter::new("w", Tensor::scalar(1.0))).unwrap();
         assert!(short.replace(other.get("w").unwrap(), |all| Ok(all.clone())).is_err());
+    }
+
+    #[test]
+    fn a_list_with_those_of_another_keeps_its_own() {
+        let parameter = |name, value| Parameter::new(name, Tensor::scalar(value));
+        let list = |all: &[(&'static str, f64)]| {
+            let with =
+                |list: Parameters<f64>, &(name, value): &_| list.with(parameter(name, value));
+            all.iter().try_fold(Parameters::new(), with).unwrap()
+        };
+        let mut own = list(&[("a", 1.0), ("b", 2.0), ("c", 3.0)]);
+        own.updates = 7;
+        let found = own.with_those_of(&list(&[("c", 9.0), ("d", 4.0), ("a", 9.0)]));
+        let all: Vec<_> = found.iter().map(|it| (it.name(), it.raw().item())).collect();
+        assert_eq!(all, [("c", 3.0), ("d", 4.0), ("a", 1.0)]);
+        assert_eq!((found.value("d").unwrap().item(), found.updates), (4.0, 7));
+        assert!(found.get("b").is_err());
     }
 
     #[cfg(feature = "precondition")]

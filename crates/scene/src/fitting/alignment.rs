@@ -13,8 +13,7 @@ use std::ops::Range;
 
 use bokashi_core::{Tensor, parallel};
 use bokashi_fit::{
-    Fit, FitError, FitSettings, Optimizer, Parameter, Parameters, Schedule, agree, block,
-    from_fn,
+    Fit, FitError, FitSettings, Optimizer, Parameter, Parameters, Schedule, agree, block, from_fn,
 };
 
 use super::fit::SceneFit;
@@ -93,7 +92,8 @@ impl SceneFit {
         let mut next = || words.next().map_or(f64::NAN, |&word| f64::from_le_bytes(word));
         for (view, own) in &views {
             let psnr = next();
-            aligned.push(AlignedView { view: *view, psnr_before: (!psnr.is_nan()).then_some(psnr) });
+            aligned
+                .push(AlignedView { view: *view, psnr_before: (!psnr.is_nan()).then_some(psnr) });
             for Own { name, numbers, .. } in own {
                 let raw = parameters.get(name)?.raw().clone();
                 let mut data = raw.data().to_vec();

@@ -10,12 +10,13 @@ use bokashi_fit::{
 };
 
 use super::alignment::Aligned;
-use super::remeshing::{check_remeshing, remeshed};
+use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{
-    StagePipeline, check_held_out, check_stages, set_rates, settings, stages, views_of, views_per_step,
-    views_to_learn_from,
+    StagePipeline, check_held_out, check_stages, set_rates, settings, stages, views_of,
+    views_per_step, views_to_learn_from,
 };
 use super::starts::{Search, Start};
+use super::texturing::{check_texturing, textured};
 use crate::description::{Remesh, Stage};
 use crate::error::SceneError;
 use crate::given::starts;
@@ -55,7 +56,7 @@ pub struct SceneFit {
     pub(super) aligned: Option<Aligned>,
 }
 
-/// What a fit goes on with whose meshes got other vertices.
+/// What a fit goes on with whose meshes got other vertices, or a texture.
 struct Remade {
     renderer: Arc<Renderer>,
     learnt: Learnt,
@@ -161,9 +162,10 @@ impl SceneFit {
         let scene = Arc::new(scene);
         let learnt = Learnt::from_scene(&scene)?;
         let given = Some((Arc::clone(&scene), starts(&learnt.parameters)));
+        check_stages(&scene, &learnt.rates)?;
+        check_texturing(&scene, &stages, &learnt.rates)?;
         let (renderer, learnt) = with_surfaces(scene, learnt, &surfaces)?;
         let Learnt { parameters, rates, regularizers, preconditioners } = learnt;
-        check_stages(renderer.scene(), &rates)?;
         let ssim = renderer.scene().description.loss.ssim;
         let is_dense = renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0);
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
@@ -336,6 +338,7 @@ impl SceneFit {
             self.next_stage()?;
         }
         self.remesh_if_due()?;
+        self.texture_if_due()?;
         let stepped = self.fit.step(&mut self.pipeline)?;
         self.pipeline.rules.count(stepped.loss);
         let measured = self.measure_if_due();
@@ -400,7 +403,32 @@ impl SceneFit {
     /// As [`remeshed`]. The fit is then as it was.
     fn remesh_if_due(&mut self) -> Result<(), SceneError> {
         let Some(to) = self.remesh_due() else { return Ok(()) };
-        let made = self.remade(&to);
+        let made = remeshed(self.scene(), &to, |name| self.fit.parameters().value(name).ok());
+        self.go_on_with(made.and_then(|(scene, carried)| self.remade(scene, &carried, true)))?;
+        self.pipeline.remeshed = Some(self.steps_done());
+        self.fit.keep_state(&self.pipeline);
+        Ok(())
+    }
+
+    /// Gives meshes a texture, where a stage says so and they have none.
+    ///
+    /// # Errors
+    /// As [`textured`]. The fit is then as it was.
+    fn texture_if_due(&mut self) -> Result<(), SceneError> {
+        let Some(to) = self.stages[self.stage].texture else { return Ok(()) };
+        let scene = self.scene();
+        if scene.objects.iter().all(|object| !scene.awaits_texture(object)) {
+            return Ok(());
+        }
+        let made = textured(scene, to, |name| self.fit.parameters().value(name).ok());
+        let was_remeshed = self.pipeline.remeshed.is_some();
+        self.go_on_with(made.and_then(|scene| self.remade(scene, &Carried::new(), was_remeshed)))?;
+        self.fit.keep_state(&self.pipeline);
+        Ok(())
+    }
+
+    /// Goes on with meshes that were made anew, on all ranks.
+    fn go_on_with(&mut self, made: Result<Remade, SceneError>) -> Result<(), SceneError> {
         // A rank may lack memory: then none goes on.
         let Remade { renderer, learnt, parameters, surfaces } = agreed(&*self.ranks, made)?;
         let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
@@ -411,8 +439,6 @@ impl SceneFit {
                 .among(Arc::clone(&self.ranks));
         self.pipeline.regularizers = learnt.regularizers.into();
         self.pipeline.surfaces = surfaces.into();
-        self.pipeline.remeshed = Some(self.steps_done());
-        self.fit.keep_state(&self.pipeline);
         Ok(())
     }
 
@@ -426,15 +452,18 @@ impl SceneFit {
         (is_turn && self.pipeline.remeshed != Some(self.steps_done())).then(|| to.clone())
     }
 
-    /// What a fit goes on with whose meshes got other vertices.
-    fn remade(&self, to: &Remesh) -> Result<Remade, SceneError> {
-        let before = self.fit.parameters();
-        let (scene, carried) = remeshed(self.scene(), to, |name| before.value(name).ok())?;
+    /// What a fit of another scene goes on with.
+    fn remade(
+        &self,
+        scene: Scene,
+        carried: &Carried,
+        was_remeshed: bool,
+    ) -> Result<Remade, SceneError> {
         let learnt = Learnt::from_scene(&scene)?;
-        let surfaces = surfaces_to_bytes(&Surface::all(&scene)?);
+        let surfaces = surfaces_to_bytes(&Surface::all(&scene, was_remeshed)?);
         let frame = self.renderer.frame().clone();
         let renderer = Arc::new(Renderer::with_frame(Arc::new(scene), frame)?);
-        let mut parameters = before.clone();
+        let mut parameters = self.fit.parameters().with_those_of(&learnt.parameters);
         for parameter in learnt.parameters.iter() {
             if let Some(carry) = carried.get(parameter.name()) {
                 let carry = |old: &_| carry.carried(old).map_err(FitError::operation);

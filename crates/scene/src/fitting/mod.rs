@@ -6,6 +6,8 @@ mod remeshing;
 mod scores;
 mod stage;
 mod starts;
+mod surfaces;
+mod texturing;
 
 pub use self::fit::SceneFit;
 pub use self::scores::{SeenView, ViewScore};

@@ -7,16 +7,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use bokashi_core::Tensor;
-use bokashi_fit::FitError;
 use bokashi_mesh::{DerivedMesh, MeshError, RemeshOptions, remesh, surface_area};
-use bokashi_render_ops::Mesh;
 
 use crate::description::{Remesh, Stage};
 use crate::error::{Location, SceneError};
 use crate::learnables::{COLORS, Learnable, VERTICES};
 use crate::memory::OF_FACE;
 use crate::object::Object;
-use crate::saved_fit::Surface;
 use crate::scene::Scene;
 
 /// New vertices of objects, by the names of their parameters.
@@ -48,7 +45,7 @@ impl Carry {
 const MOST_SPLIT: f64 = 4.0;
 
 /// The objects whose vertices are learnt: their indices and names.
-fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
+pub(super) fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
     let Some(entry) = &scene.description.learn.vertices else { return Ok(Vec::new()) };
     VERTICES.chosen(scene, entry.meshes.as_deref())
 }
@@ -126,44 +123,4 @@ fn check_count(scene: &Scene, object: &Object, length: f64) -> Result<usize, Sce
     let bytes = (count * OF_FACE as f64) as u64;
     scene.folder.memory().check(bytes, &Location::new(&scene.path), what)?;
     Ok(((MOST_SPLIT * count) as usize).saturating_add(object.mesh.faces().len()))
-}
-
-impl Surface {
-    /// The surfaces of all objects whose vertices are learnt.
-    pub(super) fn all(scene: &Scene) -> Result<Vec<Self>, SceneError> {
-        let rows = |tensor: &Tensor<f32>| tensor.data().as_chunks::<3>().0.to_vec();
-        let surface = |(index, object)| {
-            let Object { mesh, positions, colors, .. }: &Object = &scene.objects[index];
-            let colors = colors.as_ref().map_or(Vec::new(), |colors| rows(&colors.rows));
-            Self { object, faces: mesh.faces().to_vec(), positions: rows(positions), colors }
-        };
-        Ok(learnt_objects(scene)?.into_iter().map(surface).collect())
-    }
-
-    /// Puts the surface into a scene.
-    ///
-    /// # Errors
-    /// [`FitError::Saved`] for an object that is not there, or for faces, positions and colours that do not fit.
-    pub(super) fn put(&self, scene: &mut Scene) -> Result<(), SceneError> {
-        let Self { object, faces, positions, colors } = self;
-        let count = positions.len();
-        let wrong = |rule: &str, value: String| FitError::saved(rule.to_owned(), value);
-        let Some(object) = scene.objects.iter_mut().find(|own| own.name == *object) else {
-            return Err(
-                wrong("surfaces of the scene's meshes", format!("that of {object:?}")).into()
-            );
-        };
-        if let Some(reason) = object.fixed() {
-            let rule = format!("the mesh {:?} as it was, which can be remeshed", object.name);
-            return Err(wrong(&rule, format!("one that {reason}")).into());
-        }
-        if !colors.is_empty() && colors.len() != count {
-            let rule = format!("a colour for each of {count} vertices");
-            return Err(wrong(&rule, colors.len().to_string()).into());
-        }
-        let tensor = |rows: &[[f32; 3]]| Tensor::from(rows);
-        let colors = (!colors.is_empty()).then(|| tensor(colors));
-        object.set_surface(Mesh::new(faces.clone(), count)?, tensor(positions), colors);
-        Ok(())
-    }
 }

@@ -10,7 +10,7 @@ use bokashi_fit::{
 
 use crate::description::{Count, Description, LossKind, Stage};
 use crate::error::{Location, SceneError};
-use crate::learnables::Values;
+use crate::learnables::{TEXTURE, Values};
 use crate::learning::{LearntRate, Regularizer};
 use crate::renderer::Renderer;
 use crate::saved_fit::Progress;
@@ -84,6 +84,7 @@ pub(super) fn stages(description: &Description) -> Vec<Stage> {
             views_per_step: description.stop.views_per_step,
             rates: None,
             remesh: None,
+            texture: None,
         }],
         stages => stages.to_vec(),
     }
@@ -114,6 +115,9 @@ pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
 pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
     let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
     known.dedup();
+    if scene.objects.iter().any(|object| scene.awaits_texture(object)) {
+        known.push(TEXTURE.key);
+    }
     let named = scene.description.stages.iter().filter_map(|stage| stage.learn.as_ref()).flatten();
     match named.into_iter().find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),

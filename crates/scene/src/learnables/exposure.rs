@@ -7,7 +7,7 @@
 use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
 
 use super::learnable::{Entry, Learnable, Subjects};
-use super::values::{Recorded, Values};
+use super::values::Values;
 use crate::description::Finite;
 use crate::scene::Scene;
 
@@ -29,7 +29,8 @@ pub(crate) static EXPOSURES: Learnable = Learnable {
     name: "exposures",
     has_rows_of_views: true,
     refusal: |scene, _, _| {
-        let rule = "`learn.exposure.per_view` compares two views that are learnt from, and there is 1";
+        let rule =
+            "`learn.exposure.per_view` compares two views that are learnt from, and there is 1";
         (is_per_view(scene) && scene.views_with_image(false).count() == 1).then(|| rule.to_owned())
     },
     start: |scene, _| is_per_view(scene).then(|| of_views(scene).map(|stops| stops as f32)),
@@ -80,7 +81,11 @@ fn centred<'t, T: Scalar>(scene: &Scene, learnt: Var<'t, T>) -> Result<Var<'t, T
 
 impl<'t> Values<'t, '_> {
     /// By how many stops the light of a view is multiplied; `None` where it stays as it is.
-    pub(crate) fn stops(&self, scene: &Scene, view: usize) -> Result<Option<Var<'t, f32>>, TensorError> {
+    pub(crate) fn stops(
+        &self,
+        scene: &Scene,
+        view: usize,
+    ) -> Result<Option<Var<'t, f32>>, TensorError> {
         let own = match self.learnt(&EXPOSURES, "") {
             Some(learnt) => Some(centred(scene, learnt)?.slice(0, view..view + 1)?.reshape([])?),
             None => match scene.views[view].exposure {

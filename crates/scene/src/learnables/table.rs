@@ -9,7 +9,7 @@ use super::learnable::{Entry, Learnable, Moves, Subjects};
 use super::lens::{APERTURE, FOCUS, RADIUS};
 use crate::cameras::Distortion;
 use crate::description::{Finite, Learn, LightEntry, LightPlace, NotNegative, Positive};
-use crate::object::SurfaceMaterial;
+use crate::object::{Object, SurfaceMaterial};
 use crate::scene::Scene;
 
 /// All rows.
@@ -82,7 +82,10 @@ pub(crate) static COLORS: Learnable = Learnable {
     moves: Moves::Creases,
     refusal: |scene, mesh, name| {
         let rule = "a mesh whose `colors` are learnt has colours at vertices";
-        scene.objects[mesh].colors.is_none().then(|| format!("{rule}, and {name:?} has none"))
+        let object = &scene.objects[mesh];
+        // They may have become a texture.
+        let lacks_colors = object.colors.is_none() && !scene.gives_texture(object);
+        lacks_colors.then(|| format!("{rule}, and {name:?} has none"))
     },
     start: |scene, mesh| Some(scene.objects[mesh].colors.as_ref()?.rows.clone()),
     apply: |scene, mesh, rows, _| {
@@ -96,16 +99,26 @@ pub(crate) static COLORS: Learnable = Learnable {
 pub(crate) static TEXTURE: Learnable = Learnable {
     entry: |learn| learn.texture.as_ref().map(Entry::from),
     refusal: |scene, index, name| {
-        material(scene, index)?.texture.is_missing.then(|| missing_image("texture", name))
+        let (_, material) = material(scene, index)?;
+        material.texture.is_missing.then(|| missing_image("texture", name))
     },
     start: |scene, index| {
-        let material = material(scene, index)?;
-        Some(material.texture.texels.clone().unwrap_or(Tensor::from(material.base_color)))
+        let (object, material) = material(scene, index)?;
+        let base_color = || Tensor::from(material.base_color);
+        (!scene.awaits_texture(object))
+            .then(|| material.texture.texels.clone().unwrap_or_else(base_color))
     },
     apply: |scene, index, color, _| {
+        let mut texels = color.clone();
+        let gutters =
+            material(scene, index).and_then(|(_, material)| material.texture.gutters.as_ref());
+        if let Some(gutters) = gutters {
+            let tape = Tape::new();
+            texels = gutters.filled(tape.constant(color))?.value();
+        }
         set_material(scene, index, |material| match color.shape().len() {
             1 => material.base_color = std::array::from_fn(|k| color.data()[k]),
-            _ => material.texture.texels = Some(color.clone()),
+            _ => material.texture.texels = Some(texels.clone()),
         });
         Ok(())
     },
@@ -287,11 +300,11 @@ const fn channel<const CHANNEL: usize>(key: &'static str) -> Learnable {
     Learnable {
         refusal: |scene, index, name| {
             let key = ["roughness", "metallic"][CHANNEL];
-            let lacks_map = material(scene, index)?.roughness_metallic.is_missing;
+            let lacks_map = material(scene, index)?.1.roughness_metallic.is_missing;
             lacks_map.then(|| missing_image(key, name))
         },
         start: |scene, index| {
-            let material = material(scene, index)?;
+            let (_, material) = material(scene, index)?;
             let number = [material.roughness, material.metallic][CHANNEL];
             material.roughness_metallic_map(CHANNEL).or(Some(Tensor::scalar(number)))
         },
@@ -319,8 +332,13 @@ fn number(number: f64) -> Option<Tensor<f32>> {
     Some(Tensor::scalar(number as f32))
 }
 
-fn material(scene: &Scene, index: usize) -> Option<&SurfaceMaterial> {
-    scene.objects.iter().flat_map(|object| &object.materials).nth(index)
+/// The material with this index, and its object.
+fn material(scene: &Scene, index: usize) -> Option<(&Object, &SurfaceMaterial)> {
+    let mut all = scene
+        .objects
+        .iter()
+        .flat_map(|object| object.materials.iter().map(move |material| (object, material)));
+    all.nth(index)
 }
 
 fn set_material(scene: &mut Scene, index: usize, set: impl Fn(&mut SurfaceMaterial)) {

@@ -245,10 +245,18 @@ impl<'t> SampledMaterial<'t, '_> {
     }
 
     fn base_color(&self) -> Recorded<'t> {
-        let SurfaceMaterial { texture: SurfaceMap { texels, borders, .. }, base_color, .. } =
-            self.material;
-        let texels = texels.as_ref().map(|fixed| self.values.tensor(&TEXTURE, &self.name, fixed));
-        let texture = self.sample_map(texels, *borders)?;
+        let SurfaceMaterial { texture, base_color, .. } = self.material;
+        let SurfaceMap { texels, borders, gutters, .. } = texture;
+        let texels = texels.as_ref().map(|fixed| {
+            let texels = self.values.tensor(&TEXTURE, &self.name, fixed);
+            let is_learnt = self.values.learnt(&TEXTURE, &self.name).is_some();
+            match gutters.as_ref().filter(|_| is_learnt) {
+                Some(gutters) => gutters.filled(texels),
+                None => Ok(texels),
+            }
+        });
+        let coarsest = gutters.as_ref().map(|gutters| gutters.levels);
+        let texture = self.sample_map(texels.transpose()?, *borders, coarsest)?;
         let color = || self.values.triple(&TEXTURE, &self.name, *base_color);
         Ok(match (texture, self.attributes.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
@@ -263,7 +271,7 @@ impl<'t> SampledMaterial<'t, '_> {
         let map = self.material.roughness_metallic_map(channel);
         let texels = map.map(|fixed| self.values.tensor(row, &self.name, &fixed));
         let count = self.attributes.count;
-        Ok(match self.sample_map(texels, self.material.roughness_metallic.borders)? {
+        Ok(match self.sample_map(texels, self.material.roughness_metallic.borders, None)? {
             Some(samples) => samples.reshape([count])?,
             None => {
                 let number = self.values.number(row, &self.name, fixed.into());
@@ -277,17 +285,19 @@ impl<'t> SampledMaterial<'t, '_> {
         let up = Tensor::from_flat_fn([1, 3], |k| [0.0, 0.0, 1.0][k]);
         let SurfaceMap { texels, borders, .. } = &self.material.normal_map;
         let texels = texels.as_ref().map(|fixed| self.values.tape.constant(fixed));
-        Ok(match self.sample_map(texels, *borders)? {
+        Ok(match self.sample_map(texels, *borders, None)? {
             Some(samples) => samples,
             None => self.ones().try_mul(self.values.tape.constant(&up))?,
         })
     }
 
-    /// The texels of a map, `[H, W, C]`, at the fragments, `[N, C]`; `None` without a map or coordinates.
+    /// The texels of a map, `[H, W, C]`, at the fragments, `[N, C]`; `None` without a map or coordinates. No level of
+    /// detail beyond the `coarsest` is used.
     fn sample_map(
         &self,
         texels: Option<Var<'t, f32>>,
         borders: Borders,
+        coarsest: Option<usize>,
     ) -> Result<Option<Var<'t, f32>>, FitError> {
         let (Some(texels), Some(coordinates)) = (texels, self.attributes.coordinates) else {
             return Ok(None);
@@ -295,7 +305,7 @@ impl<'t> SampledMaterial<'t, '_> {
         let (texture, detail) = match self.attributes.slopes {
             Some(differentials) => {
                 let detail = Detail::Differentials { differentials, bias: None };
-                (Texture::with_mipmaps(texels)?, detail)
+                (Texture::with_mipmaps_to(texels, coarsest.unwrap_or(usize::MAX))?, detail)
             }
             None => (Texture::new(texels)?, Detail::Finest),
         };

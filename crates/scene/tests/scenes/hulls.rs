@@ -29,7 +29,7 @@ const HULL: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 1500\n\
                     material = { vertex_colors = true }\n";
 
 /// Photographs of the ring in a folder, of which the last of `every` is held out, and their entries.
-fn photographs(folder: &Path, count: usize, every: usize, pixels: usize) -> String {
+pub(crate) fn photographs(folder: &Path, count: usize, every: usize, pixels: usize) -> String {
     views(folder, &ring(), count, every, pixels)
 }
 
@@ -170,12 +170,12 @@ const FIT: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 500\nmaterial = { verte
                    [[stages]]\nsteps = 4\nviews_per_step = 3\n\
                    remesh = { length = 0.1 }\n";
 
-fn bits(fit: &SceneFit) -> Vec<u32> {
+pub(crate) fn bits(fit: &SceneFit) -> Vec<u32> {
     let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
     raw.map(f32::to_bits).collect()
 }
 
-fn end(mut fit: SceneFit) -> Vec<u32> {
+pub(crate) fn end(mut fit: SceneFit) -> Vec<u32> {
     fit.run(|_| ()).unwrap();
     bits(&fit)
 }

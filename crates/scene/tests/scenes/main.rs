@@ -16,5 +16,6 @@ mod ranks;
 mod rays;
 mod resuming;
 mod stack;
+mod stage_textures;
 mod stages;
 mod stopping;

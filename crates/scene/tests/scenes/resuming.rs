@@ -339,6 +339,12 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
             "remesh = { length = 0.2, every = 2 }",
             Refused("`remesh` goes without"),
         ),
+        (
+            "stages.texture.size",
+            "rates = 0.9",
+            "texture = { size = 64 }",
+            Refused("needs `learn.colors` and `learn.texture`"),
+        ),
         ("stages.learn", "rates = 0.9", "learn = [\"vertices\"]", Takes),
         ("stop.loss_below", "[loss]", "[stop]\nloss_below = 1e3\n[loss]", Takes),
         ("stop.patience", "[loss]", "[stop]\npatience = 1\n[loss]", Named),

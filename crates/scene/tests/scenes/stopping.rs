@@ -59,7 +59,8 @@ fn a_stage_ends_at_the_same_step_on_all_ranks_and_after_an_interruption() {
         assert!(whole.0 <= end && (gain < 1.0 || whole.0 == end), "{}", whole.0);
         let loaded = load();
         for size in [2, 3] {
-            for found in on_ranks(size, |ranks| run(SceneFit::among(loaded.clone(), ranks).unwrap()))
+            for found in
+                on_ranks(size, |ranks| run(SceneFit::among(loaded.clone(), ranks).unwrap()))
             {
                 assert!(found == whole, "{size} ranks");
             }

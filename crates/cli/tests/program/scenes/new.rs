@@ -15,7 +15,9 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
     let fit = step(folder, "ball/scene.toml");
     assert_eq!(names(&fit), ["vertices/object", "colors/object"]);
     let scene = fit.scene();
-    assert!(scene.description.stages.iter().any(|stage| stage.remesh.is_some()));
+    let stages = &scene.description.stages;
+    assert!(stages.iter().any(|stage| stage.remesh.is_some()));
+    assert!(stages.last().is_some_and(|stage| stage.texture.is_some()));
     assert_eq!(scene.description.loss.silhouette.unwrap().0, 1.0);
     assert_eq!(scene.views.iter().filter(|view| view.held_out).count(), 2);
     // Where the object is, and seen whole.
@@ -27,6 +29,7 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
         told.contains("new faces     edges of ") && told.contains(", every 50 steps\n"),
         "{told}"
     );
+    assert!(told.contains("new texture   128 x 128 texels\n"), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     assert!(!told.contains("problem"), "{told}");
 }

@@ -1,0 +1,217 @@
+//! Charts in the plane: seen along their axes, and cut where they would lie on themselves.
+
+use bokashi_render_ops::glam::{DVec2, DVec3};
+
+use super::charts::{Chart, Faces, NONE};
+use crate::box_tree::{Bounds, BoxTree};
+use crate::placed::Placed;
+use crate::triangle::nearest;
+
+/// A chart in the plane.
+pub(super) struct FlatChart {
+    pub(super) faces: Vec<u32>,
+    /// The old vertices of its corners, each once.
+    pub(super) vertices: Vec<u32>,
+    /// Where these lie, from 0 on along both axes.
+    pub(super) points: Vec<DVec2>,
+    /// Its faces, by the places of their vertices.
+    pub(super) corners: Vec<[u32; 3]>,
+    /// How far it goes.
+    pub(super) extent: DVec2,
+}
+
+/// Faces as they are seen along an axis, z up to the eye.
+struct Seen {
+    corners: Vec<[DVec3; 3]>,
+    bounds: Vec<Bounds>,
+}
+
+/// Flat charts of `charts`. No two faces of one overlap, and those less than `reach` apart are as near in space.
+pub(super) fn flattened(
+    charts: &[Chart],
+    faces: &Faces,
+    placed: &Placed,
+    indices: &[[u32; 3]],
+    reach: f64,
+) -> Vec<FlatChart> {
+    let mut flat = Vec::new();
+    // The last is the next.
+    let mut open: Vec<_> = charts.iter().rev().cloned().collect();
+    while let Some(Chart { faces: all, axis }) = open.pop() {
+        let seen = Seen::new(&all, axis, placed, indices, reach);
+        let is_kept = seen.kept(reach);
+        let pick = |kept: bool| {
+            let picked = all.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept == kept);
+            picked.map(|(face, _)| *face).collect::<Vec<_>>()
+        };
+        let rest = faces.parts(&pick(false));
+        if rest.is_empty() {
+            flat.push(FlatChart::new(all, axis, placed, indices));
+            continue;
+        }
+        let parts = faces.parts(&pick(true)).into_iter().chain(rest);
+        open.extend(parts.map(|faces| Chart { faces, axis }));
+    }
+    flat
+}
+
+/// Two axes across `axis`, which see it from its front.
+fn across(axis: DVec3) -> [DVec3; 2] {
+    let (right, up) = axis.any_orthonormal_pair();
+    if right.cross(up).dot(axis) > 0.0 { [right, up] } else { [up, right] }
+}
+
+impl Seen {
+    fn new(all: &[u32], axis: DVec3, placed: &Placed, indices: &[[u32; 3]], reach: f64) -> Self {
+        let [right, up] = across(axis);
+        let seen = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
+        let corners: Vec<_> =
+            all.iter().map(|face| placed.corners(indices[*face as usize]).map(seen)).collect();
+        let flat = |corners: &[DVec3; 3]| {
+            let far = 0.5 * reach * DVec3::new(1.0, 1.0, 0.0);
+            let points = corners.map(|point| DVec3::new(point.x, point.y, 0.0));
+            Bounds::around(
+                &[points.map(|point| point - far), points.map(|point| point + far)].concat(),
+            )
+        };
+        let bounds = corners.iter().map(flat).collect();
+        Self { corners, bounds }
+    }
+
+    /// Which faces stay, the first of any two that can't both.
+    fn kept(&self, reach: f64) -> Vec<bool> {
+        let tree = BoxTree::new(&self.bounds);
+        let mut is_kept = vec![true; self.corners.len()];
+        let mut near = Vec::new();
+        for face in 0..self.corners.len() {
+            near.clear();
+            tree.for_each_near(&self.bounds[face], |other, _| near.push(other as usize));
+            near.sort_unstable();
+            is_kept[face] = near.iter().filter(|other| **other < face).all(|&other| {
+                !is_kept[other] || fit(&self.corners[face], &self.corners[other], reach)
+            });
+        }
+        is_kept
+    }
+}
+
+/// Whether two faces can lie in one chart.
+fn fit(one: &[DVec3; 3], other: &[DVec3; 3], reach: f64) -> bool {
+    if overlap(one, other) {
+        return false;
+    }
+    // Where they touch, they are as near as can be.
+    if one.iter().any(|corner| other.contains(corner)) {
+        return true;
+    }
+    let flat = |corners: &[DVec3; 3]| corners.map(|corner| DVec3::new(corner.x, corner.y, 0.0));
+    let is_near = |of: &[DVec3; 3], to: &[DVec3; 3]| {
+        of.iter().all(|corner| {
+            let (weights, square) = nearest(flat(to), DVec3::new(corner.x, corner.y, 0.0));
+            let height: f64 = (0..3).map(|k| weights[k] * to[k].z).sum();
+            square >= reach * reach || (corner.z - height).abs() <= 2.0 * reach
+        })
+    };
+    is_near(one, other) && is_near(other, one)
+}
+
+/// Whether two counter-clockwise faces have a common inside in the plane: no edge of one has the other outside.
+fn overlap(one: &[DVec3; 3], other: &[DVec3; 3]) -> bool {
+    let is_between = |edges: &[DVec3; 3], points: &[DVec3; 3]| {
+        (0..3).any(|k| {
+            let (start, along) = (edges[k], edges[(k + 1) % 3] - edges[k]);
+            points.iter().all(|point| along.cross(*point - start).z <= 0.0)
+        })
+    };
+    !is_between(one, other) && !is_between(other, one)
+}
+
+impl FlatChart {
+    fn new(faces: Vec<u32>, axis: DVec3, placed: &Placed, indices: &[[u32; 3]]) -> Self {
+        let corners = faces.iter().map(|face| indices[*face as usize]);
+        let mut vertices: Vec<u32> = corners.clone().flatten().collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let place =
+            |vertex: u32| vertices.binary_search(&vertex).map_or(NONE, |place| place as u32);
+        let corners = corners.map(|face| face.map(place)).collect();
+        let [right, up] = across(axis);
+        let seen = |vertex: &u32| {
+            let point = placed.points[*vertex as usize];
+            DVec2::new(point.dot(right), point.dot(up))
+        };
+        let points: Vec<_> = vertices.iter().map(seen).collect();
+        let (points, extent) = upright(&points);
+        Self { faces, vertices, points, corners, extent }
+    }
+
+    /// Its area.
+    pub(super) fn area(&self) -> f64 {
+        let twice = self.corners.iter().map(|face| {
+            let [a, b, c] = face.map(|vertex| self.points[vertex as usize]);
+            (b - a).perp_dot(c - a)
+        });
+        0.5 * twice.sum::<f64>()
+    }
+}
+
+/// Points turned so that the box around them has the least area and is at least as high as it is wide; and the box's
+/// extent. The box has an edge of the hull of the points for a side (Freeman and Shapira 1975).
+fn upright(points: &[DVec2]) -> (Vec<DVec2>, DVec2) {
+    let hull = hull(points);
+    let mut best = (f64::INFINITY, DVec2::X);
+    for k in 0..hull.len() {
+        let along = (hull[(k + 1) % hull.len()] - hull[k]).normalize_or(DVec2::X);
+        let [low, high] = bounds(hull.iter().map(|point| turned(along, *point)));
+        let area = (high - low).element_product();
+        if area < best.0 {
+            best = (area, along);
+        }
+    }
+    let mut turn = best.1;
+    let [low, high] = bounds(hull.iter().map(|point| turned(turn, *point)));
+    if high.x - low.x > high.y - low.y {
+        turn = turn.perp();
+    }
+    let turned: Vec<_> = points.iter().map(|point| turned(turn, *point)).collect();
+    let [low, high] = bounds(turned.iter().copied());
+    (turned.into_iter().map(|point| point - low).collect(), high - low)
+}
+
+/// A point in axes of which `along`, of length 1, is the first.
+fn turned(along: DVec2, point: DVec2) -> DVec2 {
+    DVec2::new(along.dot(point), along.perp_dot(point))
+}
+
+fn bounds(points: impl Iterator<Item = DVec2>) -> [DVec2; 2] {
+    points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], point| {
+        [low.min(point), high.max(point)]
+    })
+}
+
+/// The convex hull, counter-clockwise (Andrew 1979).
+fn hull(points: &[DVec2]) -> Vec<DVec2> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let mut hull: Vec<DVec2> = Vec::new();
+    let half = |points: &mut dyn Iterator<Item = DVec2>, hull: &mut Vec<DVec2>| {
+        let first = hull.len();
+        for point in points {
+            while let [.., a, b] = hull[first..]
+                && (b - a).perp_dot(point - a) <= 0.0
+            {
+                hull.pop();
+            }
+            hull.push(point);
+        }
+        hull.pop();
+    };
+    half(&mut sorted.iter().copied(), &mut hull);
+    half(&mut sorted.iter().rev().copied(), &mut hull);
+    if hull.is_empty() {
+        sorted.truncate(1);
+        sorted
+    } else {
+        hull
+    }
+}

@@ -1,0 +1,153 @@
+//! Texture coordinates of a surface that has none.
+//!
+//! # Method
+//! The surface is cut into charts, whose normals lie within a cone. Each is seen along its axis, and cut further where
+//! it would hide itself. So a texel shows at most `1 / cos(cone)` times the area that it shows where a chart faces its
+//! axis. Charts are packed into a square with gutters around them.
+//!
+//! # Seams
+//! A sample of level k is made of texels at most `1.5 2^k` from its place along each axis. So far reach the gutters
+//! around each chart, which are copies of its border ([`TexelMap`]). Up to level [`Atlas::levels`] a sample mixes nothing
+//! of another chart in; coarser ones do.
+
+mod charts;
+mod flat;
+mod options;
+mod packing;
+#[cfg(test)]
+mod tests;
+mod texels;
+
+use bokashi_core::{Scalar, Tensor};
+use bokashi_render_ops::Mesh;
+use bokashi_render_ops::glam::DVec2;
+
+use crate::error::MeshError;
+use crate::placed::Placed;
+use charts::{Faces, NONE};
+use flat::{FlatChart, flattened};
+pub use options::AtlasOptions;
+use options::reach;
+use packing::{Packing, packed};
+pub use texels::TexelMap;
+
+/// The share of a texture that charts cover at least, as long as gutters can be made smaller.
+const COVERED: f64 = 0.3;
+
+/// Texture coordinates of a surface.
+#[derive(Debug, Clone)]
+pub struct Atlas<T> {
+    /// `[T, 2]` from 0 to 1, u to the right and v down. Each is of one vertex.
+    pub coordinates: Tensor<T>,
+    /// Which of them the corners of each face have.
+    pub corners: Mesh,
+    /// The vertex of each, `T` of them.
+    pub vertices: Vec<u32>,
+    /// The texels along each side of the texture.
+    pub size: usize,
+    /// The coarsest level of detail at which no sample mixes charts.
+    pub levels: usize,
+    /// How many charts there are.
+    pub charts: usize,
+    /// The chart of each face; `None` of a face without an area.
+    pub chart_of: Vec<Option<u32>>,
+}
+
+/// Texture coordinates of the faces of `mesh` at `positions: [V, 3]`.
+///
+/// Faces without an area lie at one place of some chart, or at (0, 0). 12,000 faces take about a second.
+///
+/// ```
+/// use bokashi_core::Tensor;
+/// use bokashi_mesh::{AtlasOptions, TexelMap, atlas};
+/// use bokashi_render_ops::Mesh;
+///
+/// // Two sides of a cube, and a brightness at each of their corners.
+/// let corners = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.], [0., 0., 1.], [1., 0., 1.]];
+/// let mesh = Mesh::new(vec![[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]], 6)?;
+/// let found = atlas(&Tensor::<f32>::from(corners), &mesh, &AtlasOptions::new(64))?;
+/// assert_eq!((found.charts, found.levels), (2, 2));
+/// // The edge between them is a seam: its two vertices have two coordinates each.
+/// assert_eq!(found.vertices.len(), 6 + 2);
+///
+/// let map = TexelMap::new(&found.coordinates, &found.corners, found.size)?;
+/// let brightness = Tensor::<f32>::from_flat_fn([6, 1], |vertex| vertex as f32);
+/// assert_eq!(**map.bake(&brightness, &mesh)?.shape(), [64, 64, 1]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a position for each vertex;
+/// [`TensorError::Value`](bokashi_core::TensorError::Value) for positions that are not finite, and for options out of
+/// their range; [`MeshError::AtlasSize`] where the texture has no room for all charts.
+pub fn atlas<T: Scalar>(
+    positions: &Tensor<T>,
+    mesh: &Mesh,
+    options: &AtlasOptions,
+) -> Result<Atlas<T>, MeshError> {
+    options.check()?;
+    let placed = Placed::new("atlas", positions, mesh)?;
+    let faces = Faces::new(&placed, mesh);
+    let size = options.size;
+    // No texture has more.
+    let mut levels = options.levels.min(14);
+    let charts = faces.charts(options.cone.to_radians().cos());
+    loop {
+        let texels = reach(levels);
+        // How large texels are on the surface, at most.
+        let texel = (faces.area() / COVERED).sqrt() / size as f64;
+        let charts = flattened(&charts, &faces, &placed, mesh.faces(), texels * texel);
+        match packed(&charts, size, texels) {
+            Some(packing) if levels == 0 || packing.covered(&charts, size) >= COVERED => {
+                return Atlas::new(&charts, &packing, mesh, size, levels);
+            }
+            _ if levels > 0 => levels -= 1,
+            _ => return Err(MeshError::AtlasSize { size, charts: charts.len() }),
+        }
+    }
+}
+
+impl<T: Scalar> Atlas<T> {
+    fn new(
+        charts: &[FlatChart],
+        packing: &Packing,
+        mesh: &Mesh,
+        size: usize,
+        levels: usize,
+    ) -> Result<Self, MeshError> {
+        let (mut coordinates, mut vertices) = (Vec::new(), Vec::new());
+        let mut corners = vec![[NONE; 3]; mesh.faces().len()];
+        let mut chart_of = vec![None; mesh.faces().len()];
+        // Of each vertex coordinates that it has.
+        let mut some_of = vec![NONE; mesh.vertex_count()];
+        for ((chart, corner), number) in charts.iter().zip(&packing.corners).zip(0..) {
+            let first = vertices.len() as u32;
+            for (vertex, point) in chart.vertices.iter().zip(&chart.points) {
+                let at = (*corner + *point * packing.scale) / size as f64;
+                // Seen from the front a texture is not mirrored: v runs down.
+                let at = DVec2::new(at.x, 1.0 - at.y).clamp(DVec2::ZERO, DVec2::ONE);
+                coordinates.extend(at.to_array().map(T::from_f64));
+                some_of[*vertex as usize] = vertices.len() as u32;
+                vertices.push(*vertex);
+            }
+            for (face, own) in chart.faces.iter().zip(&chart.corners) {
+                corners[*face as usize] = own.map(|row| first + row);
+                chart_of[*face as usize] = Some(number);
+            }
+        }
+        for (face, own) in mesh.faces().iter().zip(&mut corners).filter(|(_, own)| own[0] == NONE) {
+            for (vertex, row) in face.iter().zip(own) {
+                let some = &mut some_of[*vertex as usize];
+                if *some == NONE {
+                    *some = vertices.len() as u32;
+                    vertices.push(*vertex);
+                    coordinates.extend([T::ZERO; 2]);
+                }
+                *row = *some;
+            }
+        }
+        let coordinates = Tensor::new([vertices.len(), 2], coordinates)?;
+        let corners = Mesh::new(corners, vertices.len())?;
+        Ok(Self { coordinates, corners, vertices, size, levels, charts: charts.len(), chart_of })
+    }
+}

@@ -1,0 +1,120 @@
+//! Charts side by side in a square.
+//!
+//! The highest come first. Each goes where it lies lowest on those before, with its own outline below and above, and
+//! leftmost of such places. The scale is the largest of a bisection at which all have room.
+//!
+//! # Source
+//! Lévy et al., *Least Squares Conformal Maps for Automatic Texture Atlas Generation*, SIGGRAPH 2002, section 4.
+
+use bokashi_render_ops::glam::DVec2;
+
+use super::flat::FlatChart;
+
+/// Outlines have at most so many columns: more cost time and gain little room.
+const COLUMNS: usize = 512;
+/// Halvings of the scale's range.
+const HALVINGS: usize = 12;
+
+/// Where charts lie in a texture.
+pub(super) struct Packing {
+    /// Texels per unit of the charts.
+    pub(super) scale: f64,
+    /// Where each chart's least coordinates lie, in texels.
+    pub(super) corners: Vec<DVec2>,
+}
+
+/// The outlines of a chart, per column of blocks: from where, and up to where.
+struct Outline {
+    below: Vec<usize>,
+    above: Vec<usize>,
+    height: usize,
+}
+
+impl Packing {
+    /// The share of the texture that charts cover.
+    pub(super) fn covered(&self, charts: &[FlatChart], size: usize) -> f64 {
+        let scale = self.scale / size as f64;
+        charts.iter().map(FlatChart::area).sum::<f64>() * scale * scale
+    }
+}
+
+/// The charts in a texture of `size` by `size` texels, each `reach` texels from its border; `None` where that has no
+/// room for them.
+pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Packing> {
+    // In blocks, so that the work does not grow with the texture.
+    let block = size.div_ceil(COLUMNS);
+    let blocks = size / block;
+    let at = |scale: f64| {
+        let outlines: Vec<_> =
+            charts.iter().map(|it| Outline::new(it, scale, reach, block)).collect();
+        let places = placed(&outlines, blocks)?;
+        let corner = |place: [usize; 2]| {
+            DVec2::from_array(place.map(|place| (place * block) as f64)) + reach
+        };
+        Some(Packing { scale, corners: places.into_iter().map(corner).collect() })
+    };
+    let area: f64 = charts.iter().map(FlatChart::area).sum();
+    let most = if area > 0.0 { size as f64 / area.sqrt() } else { 0.0 };
+    let mut best = None;
+    let (mut low, mut high) = (0.0, most);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match at(middle) {
+            Some(found) => (best, low) = (Some(found), middle),
+            None => high = middle,
+        }
+    }
+    best
+}
+
+impl Outline {
+    fn new(chart: &FlatChart, scale: f64, reach: f64, block: usize) -> Self {
+        let blocks = |texels: f64| texels / block as f64;
+        let extent = (chart.extent * scale + 2.0 * reach) / block as f64;
+        let [width, height] = [extent.x, extent.y].map(|length| (length.ceil() as usize).max(1));
+        let (mut below, mut above) = (vec![height; width], vec![0; width]);
+        for face in &chart.corners {
+            let corners = face.map(|vertex| chart.points[vertex as usize] * scale);
+            let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
+            let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max) + 2.0 * reach;
+            let last = (blocks(high.x).ceil() as usize).clamp(1, width);
+            let first = (blocks(low.x) as usize).min(last - 1);
+            let (bottom, top) =
+                (blocks(low.y) as usize, (blocks(high.y).ceil() as usize).min(height));
+            for column in first..last {
+                below[column] = below[column].min(bottom);
+                above[column] = above[column].max(top);
+            }
+        }
+        Self { below, above, height }
+    }
+}
+
+/// The places of outlines in a square of so many blocks, in their order.
+fn placed(outlines: &[Outline], blocks: usize) -> Option<Vec<[usize; 2]>> {
+    let mut order: Vec<usize> = (0..outlines.len()).collect();
+    order.sort_by_key(|&k| (std::cmp::Reverse(outlines[k].height), k));
+    let mut ground = vec![0; blocks];
+    let mut places = vec![[0; 2]; outlines.len()];
+    for k in order {
+        let Outline { below, above, height } = &outlines[k];
+        let lowest = |x: usize| {
+            let rise = ground[x..]
+                .iter()
+                .zip(below)
+                .map(|(ground, below): (&usize, _)| ground.saturating_sub(*below));
+            rise.max().unwrap_or(0)
+        };
+        let columns = 0..(blocks + 1).checked_sub(below.len())?;
+        let (y, x) = columns.map(|x| (lowest(x), x)).min()?;
+        if y + height > blocks {
+            return None;
+        }
+        for (ground, above) in ground[x..].iter_mut().zip(above) {
+            // A column that the chart leaves out stays as it is.
+            *ground = (*ground).max(if *above > 0 { y + above } else { 0 });
+        }
+        places[k] = [x, y];
+    }
+    Some(places)
+}
