@@ -20,13 +20,14 @@ pub use description::{Description, schema};
 pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
-    Learn, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices, LensNumber,
-    LossEntry, LossKind, Remesh, Stage, StopEntry,
+    Learn, LearnField, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose, LearnVertices,
+    LensNumber, LossEntry, LossKind, Remesh, Stage, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{
-    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, StartCount, SurfaceCount,
+    BladeCount, CellCount, CircleRadius, Count, Finite, NotNegative, PassCount, Positive, Share,
+    StartCount, SurfaceCount,
 };
 pub use pipeline::{
     CullName, EnvironmentEntry, FilterName, IrisEntry, KernelName, LensEntry, LightEntry,

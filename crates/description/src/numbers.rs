@@ -79,6 +79,12 @@ numbers! {
     /// A whole number from 1 to 4096.
     StartCount: usize, "a whole number from 1 to 4096", |x| (1.0..=4096.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 4096];
+    /// A whole number from 4 to 512.
+    CellCount: usize, "a whole number from 4 to 512", |x| (4.0..=512.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 4, "maximum" = 512];
+    /// A whole number from 0 to 16.
+    PassCount: usize, "a whole number from 0 to 16", |x| (0.0..=16.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 16];
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];

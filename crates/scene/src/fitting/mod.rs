@@ -1,5 +1,6 @@
 //! Fits of scenes: stages, steps, and what came out.
 
+mod fields;
 mod fit;
 mod remeshing;
 mod scores;

@@ -3,7 +3,7 @@
 //! What is learnt at vertices, and the optimizer's moments of it, is carried over to the new ones. Measures of the
 //! scene stay those of its start, so that learnt motions mean the same.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use bokashi_core::Tensor;
@@ -13,7 +13,7 @@ use bokashi_render_ops::Mesh;
 
 use crate::description::{Remesh, Stage};
 use crate::error::{Location, SceneError};
-use crate::learnables::{COLORS, Learnable, VERTICES};
+use crate::learnables::{COLORS, FIELD, Learnable, VERTICES};
 use crate::memory::OF_FACE;
 use crate::object::Object;
 use crate::saved_fit::Surface;
@@ -48,7 +48,7 @@ impl Carry {
 const MOST_SPLIT: f64 = 4.0;
 
 /// The objects whose vertices are learnt: their indices and names.
-fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
+pub(super) fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
     let Some(entry) = &scene.description.learn.vertices else { return Ok(Vec::new()) };
     VERTICES.chosen(scene, entry.meshes.as_deref())
 }
@@ -129,7 +129,7 @@ fn check_count(scene: &Scene, object: &Object, length: f64) -> Result<usize, Sce
 }
 
 impl Surface {
-    /// The surfaces of all objects whose vertices are learnt.
+    /// The surfaces of all objects whose vertices or fields are learnt.
     pub(super) fn all(scene: &Scene) -> Result<Vec<Self>, SceneError> {
         let rows = |tensor: &Tensor<f32>| tensor.data().as_chunks::<3>().0.to_vec();
         let surface = |(index, object)| {
@@ -137,7 +137,13 @@ impl Surface {
             let colors = colors.as_ref().map_or(Vec::new(), |colors| rows(&colors.rows));
             Self { object, faces: mesh.faces().to_vec(), positions: rows(positions), colors }
         };
-        Ok(learnt_objects(scene)?.into_iter().map(surface).collect())
+        let mut objects = learnt_objects(scene)?;
+        if let Some(entry) = &scene.description.learn.field {
+            objects.extend(FIELD.chosen(scene, entry.meshes.as_deref())?);
+        }
+        let mut seen = HashSet::new();
+        objects.retain(|(index, _)| seen.insert(*index));
+        Ok(objects.into_iter().map(surface).collect())
     }
 
     /// Puts the surface into a scene.
@@ -164,6 +170,7 @@ impl Surface {
         let tensor = |rows: &[[f32; 3]]| Tensor::from(rows);
         let colors = (!colors.is_empty()).then(|| tensor(colors));
         object.set_surface(Mesh::new(faces.clone(), count)?, tensor(positions), colors);
+        object.field = None;
         Ok(())
     }
 }

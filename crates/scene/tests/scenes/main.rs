@@ -2,6 +2,7 @@
 //! and the laws that hold for all fits.
 
 mod description;
+mod fields;
 mod fits;
 mod fixtures;
 mod hulls;
