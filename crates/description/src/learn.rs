@@ -3,12 +3,16 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::{Count, NotNegative, Positive, Share, StartCount, TextureSize};
+use crate::numbers::{
+    CellCount, Count, NotNegative, PassCount, Positive, Share, StartCount, TextureSize,
+};
 
 /// What is learnt. What is absent stays as it is and costs no gradient.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Learn {
+    /// Shapes whose topology changes: the numbers of a field at the points of a grid.
+    pub field: Option<LearnField>,
     /// The places of vertices. Their rate is a share of the mesh's radius.
     pub vertices: Option<LearnVertices>,
     /// Colours at vertices.
@@ -139,6 +143,20 @@ pub struct LearnVertices {
     pub edge_length: Option<Positive>,
     /// The weight of angles between neighbouring faces in the loss.
     pub normals: Option<Positive>,
+}
+
+/// How fields are learnt whose surfaces are meshes.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnField {
+    /// The learning rate, in cells of the grid.
+    pub rate: Option<Positive>,
+    /// The meshes that this is about; by default all.
+    pub meshes: Option<Vec<String>>,
+    /// Cells along the longest side of the grid, from 4 to 512; by default 48.
+    pub cells: Option<CellCount>,
+    /// How many times the field is smoothed, up to 16; by default 2.
+    pub smoothing: Option<PassCount>,
 }
 
 /// What a fit makes small.

@@ -20,15 +20,15 @@ pub use description::{Description, schema};
 pub use error::DescriptionError;
 pub use gltf_json::{gltf_root, gltf_version};
 pub use learn::{
-    HeldOutEntry, Learn, LearnExposure, LearnLens, LearnMaps, LearnNumbers, LearnObjects,
-    LearnPose, LearnVertices, LensNumber, LossEntry, LossKind, Remesh, Stage, StageTexture,
-    StopEntry,
+    HeldOutEntry, Learn, LearnExposure, LearnField, LearnLens, LearnMaps, LearnNumbers,
+    LearnObjects, LearnPose, LearnVertices, LensNumber, LossEntry, LossKind, Remesh, Stage,
+    StageTexture, StopEntry,
 };
 pub use location::{Location, shortened, shortened_path};
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{
-    BladeCount, CircleRadius, Count, Finite, NotNegative, Positive, Share, StartCount,
-    SurfaceCount, TextureSize,
+    BladeCount, CellCount, CircleRadius, Count, Finite, NotNegative, PassCount, Positive, Share,
+    StartCount, SurfaceCount, TextureSize,
 };
 pub use pipeline::{
     CullName, EnvironmentEntry, FilterName, IrisEntry, KernelName, LensEntry, LightEntry,

@@ -83,6 +83,12 @@ numbers! {
     TextureSize: usize, "a power of two from 16 to 8192",
         |x| (16.0..=8192.0).contains(&x) && x.fract() == 0.0 && (x as u64).is_power_of_two(),
         ["type" = "integer", "format" = "uint", "minimum" = 16, "maximum" = 8192];
+    /// A whole number from 4 to 512.
+    CellCount: usize, "a whole number from 4 to 512", |x| (4.0..=512.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 4, "maximum" = 512];
+    /// A whole number from 0 to 16.
+    PassCount: usize, "a whole number from 0 to 16", |x| (0.0..=16.0).contains(&x) && x.fract() == 0.0,
+        ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 16];
     /// A whole number from 0 to 8.
     SurfaceCount: usize, "a whole number from 0 to 8", |x| (0.0..=8.0).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 0, "maximum" = 8];

@@ -134,6 +134,9 @@ impl Learnt {
         let Some(entry) = &scene.description.learn.vertices else { return Ok(()) };
         for (index, name) in VERTICES.chosen(scene, entry.meshes.as_deref())? {
             let (name, object) = (VERTICES.parameter_name(&name), &scene.objects[index]);
+            if object.field.is_some() {
+                continue;
+            }
             let topology = Topology::new(object.mesh.faces(), object.mesh.vertex_count())
                 .map_err(FitError::from)?;
             if let Some(lambda) = entry.smoothing {

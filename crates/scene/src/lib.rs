@@ -28,6 +28,7 @@ pub mod arrays;
 mod cameras;
 mod environment;
 mod error;
+mod field;
 mod file;
 mod file_names;
 mod fitting;

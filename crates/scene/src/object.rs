@@ -5,11 +5,13 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{Tensor, TensorError, Var};
+use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_fit::FitError;
 use bokashi_render_ops::{Mesh, TextureBorder};
 use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
+use crate::field::{Field, FieldSurface};
 use crate::file_names::is_file_name;
 use crate::model::{
     Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Submesh, covers,
@@ -105,6 +107,8 @@ pub struct Object {
     pub places: Vec<DMat4>,
     /// What its faces are made of: one for each of its materials, or one.
     pub materials: Vec<SurfaceMaterial>,
+    /// The field whose surface it is, as long as that is learnt.
+    pub(crate) field: Option<Field>,
 }
 
 impl Attribute {
@@ -182,6 +186,7 @@ impl Object {
             mesh,
             places,
             materials: materials.collect(),
+            field: None,
         })
     }
 
@@ -269,6 +274,37 @@ impl Object {
             material.texture =
                 SurfaceMap { texels: Some(texels.clone()), borders, is_missing: false, gutters };
         }
+    }
+
+    /// Makes the object, which is not [fixed](Self::fixed), the surface of a field that starts from its own surface.
+    ///
+    /// # Errors
+    /// [`SceneError::Mesh`] for a field that has no surface, of a mesh thinner than the cells.
+    pub(crate) fn grow_field(&mut self, cells: usize, smoothing: usize) -> Result<(), SceneError> {
+        let colors = self.colors_of_vertices().zip(self.colors.as_ref()).map(|(rows, colors)| {
+            Tensor::from_fn([rows.len(), 3], |[k, axis]| colors.rows[[rows[k] as usize, axis]])
+        });
+        let field =
+            Field::from_surface(&self.positions, &self.mesh, colors.as_ref(), cells, smoothing)?;
+        let values = field.values.clone();
+        self.field = Some(field);
+        Ok(self.set_field(&values)?)
+    }
+
+    /// Gives the object's field other values, and the object the field's surface.
+    ///
+    /// # Errors
+    /// Those of a field without a surface.
+    pub(crate) fn set_field(&mut self, values: &Tensor<f32>) -> Result<(), FitError> {
+        let Some(mut field) = self.field.take() else { return Ok(()) };
+        field.values = values.clone();
+        let tape = Tape::new();
+        let colors = field.colors.as_ref().map(|colors| tape.constant(colors));
+        let surface = field.surface(tape.constant(values), colors, &self.name)?;
+        let FieldSurface { mesh, positions, colors, .. } = surface;
+        self.set_surface(mesh, positions.value(), colors.map(|colors| colors.value()));
+        self.field = Some(field);
+        Ok(())
     }
 
     /// The least and the largest coordinates in the world; `None` without vertices.

@@ -23,7 +23,7 @@ use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
 use crate::hull::{AGREEMENT, hull_of_views};
 use crate::mask_files::{find_mask, usual_mask};
-use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
+use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_POINT, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
 use crate::model::{Geometry, Model, Placed, Submesh, covers};
 use crate::object::{Object, SurfaceMap, SurfaceMaterial, vectors};
@@ -66,6 +66,10 @@ const SIDES: RangeInclusive<usize> = 8..=256;
 const SIDE: usize = 16;
 /// Likewise of a panorama.
 const PANORAMA: RangeInclusive<usize> = 8..=64;
+
+/// Cells along the longest side of a field's grid, where a scene does not say; and how many times it is smoothed.
+const CELLS: usize = 48;
+const SMOOTHINGS: usize = 2;
 
 /// What a scene's file says, and where it says it.
 struct Source {
@@ -127,6 +131,7 @@ impl Scene {
         for entry in &description.meshes {
             objects.extend(source.objects(entry, &views, is_lit, &mut notes)?);
         }
+        source.grow_fields(&description, &mut objects)?;
         for SceneView { camera: Camera { size, .. }, .. } in &views {
             let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
             if found > MOST_SAMPLES {
@@ -355,6 +360,34 @@ impl Source {
             objects.push(object);
         }
         Ok(objects)
+    }
+
+    /// Makes surfaces of fields of the objects whose fields are learnt.
+    fn grow_fields(
+        &self,
+        description: &Description,
+        objects: &mut [Object],
+    ) -> Result<(), SceneError> {
+        let Some(entry) = &description.learn.field else { return Ok(()) };
+        let cells = entry.cells.map_or(CELLS, |cells| cells.0);
+        let smoothing = entry.smoothing.map_or(SMOOTHINGS, |passes| passes.0);
+        let location = Location::new(&self.path);
+        for object in objects {
+            if entry.meshes.as_ref().is_some_and(|meshes| !meshes.contains(&object.name)) {
+                continue;
+            }
+            let is_open = object.mesh.adjacency().boundary_edges() > 0;
+            if let Some(reason) = object.fixed().or(is_open.then_some("has a border")) {
+                let rule = "a mesh whose `field` is learnt is closed, and has one material, no textures, and one colour at a vertex if any";
+                let message = format!("{rule}, and {:?} {reason}", object.name);
+                return Err(SceneError::content(location, message));
+            }
+            let what = || format!("a field of {cells} cells along a side");
+            let bytes = (cells as u64 + 3).pow(3) * OF_POINT;
+            self.folder.memory().check(bytes, &location, what)?;
+            object.grow_field(cells, smoothing)?;
+        }
+        Ok(())
     }
 
     /// Takes the memory of textures of a mesh, before they are made.

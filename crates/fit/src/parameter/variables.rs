@@ -36,6 +36,25 @@ impl<'t, T: Scalar> Variables<'t, T> {
         self.list.iter().map(|variable| variable.value)
     }
 
+    /// The variables with one more, `name`, whose value follows from the others: a pipeline makes it of these once,
+    /// for all of its views.
+    #[must_use]
+    pub fn with(mut self, name: String, value: Var<'t, T>) -> Self {
+        self.names = self.names.iter().cloned().chain([name]).collect();
+        self.list.push(Variable { raw: value, value });
+        self
+    }
+
+    /// The variables without `name`, if it is one: what is not among them has no gradient from what is made of them.
+    #[must_use]
+    pub fn without(mut self, name: &str) -> Self {
+        if let Ok(index) = position(&self.names, name) {
+            self.list.remove(index);
+            self.names = self.names.iter().filter(|known| *known != name).cloned().collect();
+        }
+        self
+    }
+
     /// The parameters `names` with leaves of a tape for values.
     pub(crate) fn from_leaves(names: &Arc<[String]>, leaves: &[Var<'t, T>]) -> Self {
         let list = leaves.iter().map(|&leaf| Variable { raw: leaf, value: leaf }).collect();

@@ -51,6 +51,8 @@ pub struct FieldSurface<'t, T: Scalar> {
     pub positions: Var<'t, T>,
     /// Its faces, with their fronts outside.
     pub mesh: Mesh,
+    /// The edge of the grid that each vertex stands on: the index of the end inside, then that of the other.
+    pub edges: Vec<[u32; 2]>,
 }
 
 /// The surface on which `field` is 0: a number at each point of `grid`, `[nx, ny, nz]` or `[P]`, below 0 inside.
@@ -77,11 +79,11 @@ pub fn field_surface<'t, T: Scalar>(
     grid: &Grid,
 ) -> Result<FieldSurface<'t, T>, MeshError> {
     let inputs: smallvec::SmallVec<[_; 2]> = std::iter::once(field).chain(offsets).collect();
-    let look = |saved: &Saved<T>| saved.mesh.clone();
+    let look = |saved: &Saved<T>| (saved.mesh.clone(), saved.edges.clone());
     let op = OfField { grid: *grid };
-    let (outputs, mesh) = field.tape().record_with(op, &inputs, look)?;
+    let (outputs, (mesh, edges)) = field.tape().record_with(op, &inputs, look)?;
     let mesh = mesh.expect("the forward pass makes it");
-    Ok(FieldSurface { positions: outputs[0], mesh })
+    Ok(FieldSurface { positions: outputs[0], mesh, edges })
 }
 
 /// [`field_surface`] without a tape: the positions `[V, 3]` of the vertices, and the mesh.

@@ -1,15 +1,16 @@
 //! A fit of a scene, from its start or a file to its end.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, RwLock};
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::{
-    Alone, Fit, FitError, Given, Parameters, Preconditioner, Ranks, Stepped, Stop, agreed,
-    check_alike, check_same, saved,
+    Alone, Fit, FitError, Given, Parameter, Parameters, Preconditioner, Ranks, Stepped, Stop,
+    agreed, check_alike, check_same, saved,
 };
 
 use super::alignment::Aligned;
+use super::fields::{check_fields, learns_fields, settled};
 use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{
     StagePipeline, check_held_out, check_stages, set_rates, settings, stages, views_of,
@@ -150,6 +151,7 @@ impl SceneFit {
         let learnt_from = views_to_learn_from(&scene)?;
         let description = &scene.description;
         let stages = stages(description);
+        check_fields(&scene, &stages)?;
         check_remeshing(&scene, &stages)?;
         check_held_out(&scene)?;
         let (progress, surfaces, from) = saved_fit::read_file(saved_fit)?;
@@ -176,10 +178,12 @@ impl SceneFit {
         };
         set_rates(fit.parameters_mut(), &rates, &first)?;
         fit.set_settings(settings)?;
+        let drawing = Arc::new(RwLock::new(Arc::clone(&renderer)));
         let pipeline = StagePipeline {
             done: progress.done,
-            views: views_of(&renderer, &targets, &learnt_from, &first, seed)
+            views: views_of(&drawing, &targets, &learnt_from, &first, seed)
                 .among(Arc::clone(&ranks)),
+            drawing,
             regularizers: regularizers.into(),
             rules,
             remeshed: progress.remeshed,
@@ -380,17 +384,34 @@ impl SceneFit {
 
     fn next_stage(&mut self) -> Result<(), SceneError> {
         self.pipeline.done.push(self.fit.steps_done());
+        let next = &self.stages[self.stage + 1];
+        let leaves_field = self.scene().objects.iter().any(|object| object.field.is_some())
+            && !learns_fields(self.scene(), next);
+        let mut parameters = match leaves_field {
+            true => {
+                // A rank may lack memory: then none goes on.
+                let Remade { renderer, learnt, parameters, surfaces } =
+                    agreed(&*self.ranks, self.settled())?;
+                (self.rates, self.renderer) = (learnt.rates, renderer);
+                self.pipeline.regularizers = learnt.regularizers.into();
+                self.pipeline.surfaces = surfaces.into();
+                parameters
+            }
+            false => self.fit.parameters().clone(),
+        };
         self.stage += 1;
         let next = &self.stages[self.stage];
-        let mut parameters = self.fit.parameters().clone();
         parameters.forget_moments();
         set_rates(&mut parameters, &self.rates, next)?;
         self.fit = Fit::new(parameters, settings(next))?;
         self.targets.forget();
         let seed = self.scene().description.seed;
-        self.pipeline.views =
-            views_of(&self.renderer, &self.targets, &self.learnt_from, next, seed)
-                .among(Arc::clone(&self.ranks));
+        if leaves_field {
+            self.pipeline.drawing = Arc::new(RwLock::new(Arc::clone(&self.renderer)));
+        }
+        let drawing = &self.pipeline.drawing;
+        self.pipeline.views = views_of(drawing, &self.targets, &self.learnt_from, next, seed)
+            .among(Arc::clone(&self.ranks));
         self.pipeline.rules.begin_stage();
         // What follows may fail, and the fit is saved then.
         self.fit.keep_state(&self.pipeline);
@@ -434,9 +455,10 @@ impl SceneFit {
         let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
         *self.fit.parameters_mut() = parameters;
         (self.rates, self.renderer) = (learnt.rates, renderer);
-        self.pipeline.views =
-            views_of(&self.renderer, &self.targets, &self.learnt_from, stage, seed)
-                .among(Arc::clone(&self.ranks));
+        self.pipeline.drawing = Arc::new(RwLock::new(Arc::clone(&self.renderer)));
+        let drawing = &self.pipeline.drawing;
+        self.pipeline.views = views_of(drawing, &self.targets, &self.learnt_from, stage, seed)
+            .among(Arc::clone(&self.ranks));
         self.pipeline.regularizers = learnt.regularizers.into();
         self.pipeline.surfaces = surfaces.into();
         Ok(())
@@ -471,6 +493,24 @@ impl SceneFit {
             }
         }
         set_rates(&mut parameters, &learnt.rates, &self.stages[self.stage])?;
+        Ok(Remade { renderer, learnt, parameters, surfaces })
+    }
+
+    /// What a fit goes on with whose fields are no longer learnt: their surfaces are meshes from then on.
+    fn settled(&self) -> Result<Remade, SceneError> {
+        let (before, frame) = (self.fit.parameters(), self.renderer.frame().clone());
+        let scene = settled(self.scene(), &frame, before)?;
+        let learnt = Learnt::from_scene(&scene)?;
+        let surfaces = surfaces_to_bytes(&Surface::all(&scene, false)?);
+        let mut parameters = learnt.parameters.clone();
+        for parameter in before.iter() {
+            let name = parameter.name();
+            let stays = |new: &Parameter<f32>| new.raw().shape() == parameter.raw().shape();
+            if parameters.get(name).is_ok_and(stays) {
+                parameters.replace(parameter, |moments| Ok(moments.clone()))?;
+            }
+        }
+        let renderer = Arc::new(Renderer::with_frame(Arc::new(scene), frame)?);
         Ok(Remade { renderer, learnt, parameters, surfaces })
     }
 

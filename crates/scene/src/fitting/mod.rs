@@ -1,6 +1,7 @@
 //! Fits of scenes: stages, steps, and what came out.
 
 mod alignment;
+mod fields;
 mod fit;
 mod remeshing;
 mod scores;

@@ -1,6 +1,6 @@
 //! A stage of a fit: its views, its rates, and the loss of a step.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 
 use bokashi_core::{Tape, Var};
 use bokashi_fit::{
@@ -8,11 +8,12 @@ use bokashi_fit::{
     Views, mean_error, ssim_error, views,
 };
 
+use super::fields::silhouette_error;
 use crate::description::{Count, Description, LossKind, Stage};
 use crate::error::{Location, SceneError};
-use crate::learnables::{TEXTURE, Values};
+use crate::learnables::{TEXTURE, Values, learnt_keys};
 use crate::learning::{LearntRate, Regularizer};
-use crate::renderer::Renderer;
+use crate::renderer::{Drawn, Renderer};
 use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
@@ -28,11 +29,15 @@ pub(super) type Loss = Box<
         + Sync,
 >;
 
+/// What draws the views of a step: another where a field got another surface.
+pub(super) type Drawing = Arc<RwLock<Arc<Renderer>>>;
+
 /// One stage's steps.
 pub(super) struct StagePipeline {
     /// How many steps each of the stages did that are done.
     pub(super) done: Vec<u64>,
     pub(super) views: Views<f32, Loss>,
+    pub(super) drawing: Drawing,
     pub(super) regularizers: Arc<[Regularizer]>,
     pub(super) rules: StopRules,
     /// How many steps were done when meshes got other vertices last.
@@ -66,7 +71,17 @@ impl Pipeline<f32> for StagePipeline {
         tape: &'t Tape<f32>,
         variables: &Variables<'t, f32>,
     ) -> Result<Var<'t, f32>, FitError> {
-        let mut loss = self.views.loss(tape, variables)?;
+        let drawing = Arc::clone(&self.drawing.read().unwrap_or_else(PoisonError::into_inner));
+        let mut loss = match drawing.on_surfaces(&Values { tape, learnt: Some(variables) })? {
+            None => self.views.loss(tape, variables)?,
+            Some((renderer, variables)) => {
+                if let Some(renderer) = renderer {
+                    let mut drawing = self.drawing.write().unwrap_or_else(PoisonError::into_inner);
+                    *drawing = Arc::new(renderer);
+                }
+                self.views.loss(tape, &variables)?
+            }
+        };
         for regularizer in self.regularizers.iter() {
             loss = loss.try_add(regularizer.loss(variables)?)?;
         }
@@ -114,6 +129,9 @@ pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
 /// Stages name what is learnt, and nothing else.
 pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
     let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
+    // What is learnt of a mesh after its field has no rate before.
+    let later = learnt_keys(&scene.description.learn).into_iter().map(|keys| keys.key);
+    known.extend(later.filter(|key| !known.contains(key)).collect::<Vec<_>>());
     known.dedup();
     if scene.objects.iter().any(|object| scene.awaits_texture(object)) {
         known.push(TEXTURE.key);
@@ -164,18 +182,19 @@ pub(super) fn views_per_step(stage: &Stage, count: usize) -> usize {
 
 /// The views of a stage.
 pub(super) fn views_of(
-    renderer: &Arc<Renderer>,
+    drawing: &Drawing,
     targets: &Arc<Targets>,
     learnt_from: &Arc<[usize]>,
     stage: &Stage,
     seed: u64,
 ) -> Views<f32, Loss> {
-    let (renderer, targets, all) =
-        (Arc::clone(renderer), Arc::clone(targets), Arc::clone(learnt_from));
+    let (drawing, targets, all) =
+        (Arc::clone(drawing), Arc::clone(targets), Arc::clone(learnt_from));
     let reduce = stage.reduce.map_or(1, |reduce| reduce.0);
     let (count, per_step) = (all.len(), views_per_step(stage, all.len()));
     let loss: Loss = Box::new(move |view, tape, variables| {
         let values = Values { tape, learnt: Some(variables) };
+        let renderer = Arc::clone(&drawing.read().unwrap_or_else(PoisonError::into_inner));
         loss_of_view(&renderer, &targets, &values, all[view.index], reduce)
     });
     views(count, loss).per_step(per_step).seed(seed)
@@ -212,10 +231,29 @@ pub(super) fn loss_of_target<'t>(
     reduce: usize,
 ) -> Result<Var<'t, f32>, FitError> {
     let drawn = renderer.draw_again(values, view, reduce, has_mask)?;
+    let loss = error_of_view(renderer, target, values, (&drawn, reduce))?;
+    if !has_mask {
+        return Ok(loss);
+    }
+    let weight = renderer.scene().description.loss.silhouette.map_or(0.0, |weight| weight.0);
+    let of_fields = silhouette_error(renderer, values, (view, reduce), &drawn, &target.image)?;
+    Ok(match of_fields {
+        Some(error) => loss.try_add(error * weight as f32)?,
+        None => loss,
+    })
+}
+
+/// How far a drawn view is from its image, pixel by pixel.
+fn error_of_view<'t>(
+    renderer: &Renderer,
+    target: &Target,
+    values: &Values<'t, '_>,
+    (drawn, reduce): (&Drawn<'t>, usize),
+) -> Result<Var<'t, f32>, FitError> {
     if let Some(loss) = &target.loss {
         return Ok(drawn.light()?.map(|light| renderer.toned(light))?.loss(loss)?);
     }
-    let image = renderer.image(values, &drawn, reduce)?;
+    let image = renderer.image(values, drawn, reduce)?;
     let target = values.tape.constant(&target.image);
     let description = &renderer.scene().description.loss;
     let penalty = match description.kind {

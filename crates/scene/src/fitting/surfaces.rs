@@ -7,6 +7,7 @@ use bokashi_render_ops::Mesh;
 
 use super::remeshing::learnt_objects;
 use crate::error::SceneError;
+use crate::learnables::FIELD;
 use crate::object::{Attribute, Gutters, Object};
 use crate::saved_fit::{Shape, Surface, TexturedSurface};
 use crate::scene::Scene;
@@ -20,15 +21,19 @@ fn rows<const N: usize>(tensor: &Tensor<f32>) -> Vec<[f32; N]> {
 }
 
 impl Surface {
-    /// The surfaces that were changed: of objects whose vertices are learnt if any was `remeshed`, and of those that got a
-    /// texture.
+    /// The surfaces that were changed: of objects whose vertices are learnt if any was `remeshed`, of those that a field
+    /// left behind, and of those that got a texture.
     ///
     /// # Errors
     /// None: those of names that nothing has.
     pub(super) fn all(scene: &Scene, remeshed: bool) -> Result<Vec<Self>, SceneError> {
-        let of_vertices = if remeshed { learnt_objects(scene)? } else { Vec::new() };
+        let mut changed = if remeshed { learnt_objects(scene)? } else { Vec::new() };
+        if let Some(entry) = &scene.description.learn.field {
+            let chosen = FIELD.chosen(scene, entry.meshes.as_deref())?;
+            changed.extend(chosen.into_iter().filter(|(k, _)| scene.objects[*k].field.is_none()));
+        }
         let surface = |(index, object): (usize, &Object)| {
-            let has_shape = of_vertices.iter().any(|(learnt, _)| *learnt == index);
+            let has_shape = changed.iter().any(|(learnt, _)| *learnt == index);
             let shape = has_shape.then(|| Shape::of(object));
             let texture = TexturedSurface::of(object);
             let is_changed = shape.is_some() || texture.is_some();
@@ -82,6 +87,7 @@ impl Shape {
         let tensor = |rows: &[[f32; 3]]| Tensor::from(rows);
         let colors = (!colors.is_empty()).then(|| tensor(colors));
         object.set_surface(Mesh::new(faces.clone(), count)?, tensor(positions), colors);
+        object.field = None;
         Ok(())
     }
 }

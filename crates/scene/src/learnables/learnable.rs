@@ -3,12 +3,11 @@
 use std::collections::HashSet;
 
 use bokashi_core::Tensor;
-use bokashi_fit::{Mapping, Parameter};
-use bokashi_render_ops::RenderError;
+use bokashi_fit::{FitError, Mapping, Parameter};
 
 use super::frame::Frame;
 use crate::description::{
-    Learn, LearnExposure, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose,
+    Learn, LearnExposure, LearnField, LearnLens, LearnMaps, LearnNumbers, LearnObjects, LearnPose,
     LearnVertices, Positive,
 };
 use crate::error::{Location, SceneError};
@@ -44,7 +43,7 @@ pub(crate) struct Learnable {
     /// The value that a subject has; `None` of one that has none, which is passed over.
     pub(super) start: fn(&Scene, usize) -> Option<Tensor<f32>>,
     /// Puts a value into a subject of a scene that had these measures.
-    pub(super) apply: fn(&mut Scene, usize, &Tensor<f32>, &Frame) -> Result<(), RenderError>,
+    pub(super) apply: fn(&mut Scene, usize, &Tensor<f32>, &Frame) -> Result<(), FitError>,
 }
 
 /// What the numbers of a row belong to.
@@ -222,7 +221,7 @@ impl Learnable {
         scene: &mut Scene,
         frame: &Frame,
         value: impl Fn(&str) -> Option<Tensor<f32>>,
-    ) -> Result<(), RenderError> {
+    ) -> Result<(), FitError> {
         for (index, name) in self.parameter_names(scene).iter().enumerate() {
             if let Some(value) = value(name) {
                 (self.apply)(scene, index, &value, frame)?;
@@ -256,6 +255,13 @@ impl<'l> From<&'l LearnLens> for Entry<'l> {
 
 impl<'l> From<&'l LearnObjects> for Entry<'l> {
     fn from(entry: &'l LearnObjects) -> Self {
+        let meshes = entry.meshes.as_deref();
+        Self { rate: number(entry.rate), meshes, ..Self::default() }
+    }
+}
+
+impl<'l> From<&'l LearnField> for Entry<'l> {
+    fn from(entry: &'l LearnField) -> Self {
         let meshes = entry.meshes.as_deref();
         Self { rate: number(entry.rate), meshes, ..Self::default() }
     }

@@ -17,7 +17,7 @@ mod values;
 pub(crate) use self::frame::{Frame, scaled_intrinsics};
 pub(crate) use self::learnable::{Learnable, Moves};
 pub(crate) use self::table::{
-    BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, INTRINSICS, LIGHT_COLORS, LIGHT_PLACES,
+    BLUR, CAMERAS, COLORS, DISTORTION, ENVIRONMENT, FIELD, INTRINSICS, LIGHT_COLORS, LIGHT_PLACES,
     METALLIC, POSE, ROUGHNESS, TABLE, TEXTURE, VERTICES,
 };
 pub use self::table::{LearntKey, learnt_keys};

@@ -13,7 +13,8 @@ use crate::object::{Object, SurfaceMaterial};
 use crate::scene::Scene;
 
 /// All rows.
-pub(crate) static TABLE: [&Learnable; 18] = [
+pub(crate) static TABLE: [&Learnable; 19] = [
+    &FIELD,
     &VERTICES,
     &COLORS,
     &TEXTURE,
@@ -60,13 +61,26 @@ pub fn learnt_keys(learn: &Learn) -> Vec<LearntKey> {
     keys
 }
 
-/// The places of a mesh's vertices, `[V, 3]`.
+/// The numbers of a mesh's field, `[nx, ny, nz]`.
+pub(crate) static FIELD: Learnable = Learnable {
+    entry: |learn| learn.field.as_ref().map(Entry::from),
+    moves: Moves::Vertices,
+    unit: "cells of the grid",
+    start: |scene, mesh| Some(scene.objects[mesh].field.as_ref()?.values.clone()),
+    apply: |scene, mesh, values, _| scene.objects[mesh].set_field(values),
+    ..Learnable::new("field", Subjects::Meshes, 0.05)
+};
+
+/// The places of a mesh's vertices, `[V, 3]`; of a mesh whose field is learnt, they follow from that.
 pub(crate) static VERTICES: Learnable = Learnable {
     entry: |learn| learn.vertices.as_ref().map(Entry::from),
     moves: Moves::Vertices,
     unit: "the mesh's radius",
     unit_size: |scene, mesh| scene.objects[mesh].radius(),
-    start: |scene, mesh| Some(scene.objects[mesh].positions.clone()),
+    start: |scene, mesh| {
+        let object = &scene.objects[mesh];
+        object.field.is_none().then(|| object.positions.clone())
+    },
     apply: |scene, mesh, positions, _| {
         scene.objects[mesh].positions = positions.clone();
         // Those of the file were of the surface as it was.
@@ -76,7 +90,7 @@ pub(crate) static VERTICES: Learnable = Learnable {
     ..Learnable::new("vertices", Subjects::Meshes, 0.003)
 };
 
-/// Colours at a mesh's vertices, `[A, 3]`.
+/// Colours at a mesh's vertices, `[A, 3]`, or at the points of its field, `[P, 3]`.
 pub(crate) static COLORS: Learnable = Learnable {
     entry: |learn| learn.colors.as_ref().map(Entry::from),
     moves: Moves::Creases,
@@ -87,8 +101,19 @@ pub(crate) static COLORS: Learnable = Learnable {
         let lacks_colors = object.colors.is_none() && !scene.gives_texture(object);
         lacks_colors.then(|| format!("{rule}, and {name:?} has none"))
     },
-    start: |scene, mesh| Some(scene.objects[mesh].colors.as_ref()?.rows.clone()),
+    start: |scene, mesh| {
+        let object = &scene.objects[mesh];
+        match &object.field {
+            Some(field) => field.colors.clone(),
+            None => Some(object.colors.as_ref()?.rows.clone()),
+        }
+    },
     apply: |scene, mesh, rows, _| {
+        if let Some(field) = &mut scene.objects[mesh].field {
+            field.colors = Some(rows.clone());
+            let values = field.values.clone();
+            return scene.objects[mesh].set_field(&values);
+        }
         scene.objects[mesh].colors.iter_mut().for_each(|colors| colors.rows = rows.clone());
         Ok(())
     },

@@ -31,6 +31,12 @@ place = { translation = [-0.75, 0, 0.25], scale = 0.5 }
 shape = "plane"
 material = { base_color = [0.25, 0.375, 0.5], roughness = 0.5, metallic = 0.5 }
 place = { translation = [0, -1, 0.25], scale = 0.5 }
+[[meshes]]
+name = "blob"
+shape = "sphere"
+faces = 80
+material = { vertex_colors = true, base_color = [0.5, 0.25, 0.375], roughness = 0.5, metallic = 0.25 }
+place = { translation = [0.25, 0.75, 0.5], scale = 0.375 }
 [[views]]
 name = "front"
 [views.camera]
@@ -74,8 +80,9 @@ fn scene(folder: &Path) -> Renderer {
 fn scene_with(folder: &Path, from: &str, to: &str) -> Renderer {
     let keys: BTreeSet<_> = TABLE.iter().map(|row| row.key).collect();
     let table = |key: &&str| match *key {
-        "colors" => "[learn.colors]\nmeshes = [\"cube\"]\n".to_owned(),
-        // The cube's is white, under its colours.
+        "field" => "[learn.field]\nmeshes = [\"blob\"]\ncells = 6\n".to_owned(),
+        "colors" => "[learn.colors]\nmeshes = [\"cube\", \"blob\"]\n".to_owned(),
+        // The cube's and the blob's are white, under their colours.
         "texture" => "[learn.texture]\nmeshes = [\"sphere\", \"plane\"]\n".to_owned(),
         key => format!("[learn.{key}]\n"),
     };

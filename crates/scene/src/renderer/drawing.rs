@@ -30,7 +30,7 @@ pub struct Renderer {
     parts: Parts,
     materials: MaterialSampler,
     normals: Normals,
-    lighting: Lighting,
+    lighting: Arc<Lighting>,
     cache: FragmentCache,
 }
 
@@ -107,13 +107,23 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::new`].
     pub(crate) fn with_frame(scene: Arc<Scene>, frame: Frame) -> Result<Self, SceneError> {
+        let lighting = Arc::new(Lighting::new(&scene)?);
+        Self::with_lighting(scene, frame, lighting)
+    }
+
+    /// As [`Renderer::with_frame`], with the lighting of another scene whose lights are the same.
+    pub(super) fn with_lighting(
+        scene: Arc<Scene>,
+        frame: Frame,
+        lighting: Arc<Lighting>,
+    ) -> Result<Self, SceneError> {
         let parts = Parts::new(&scene.objects, frame.origin)?;
         let filter = scene.description.pipeline.texture_filter;
         Ok(Self {
             frame,
             materials: MaterialSampler::new(&parts, &scene.objects, filter)?,
             normals: Normals::new(&parts, &scene)?,
-            lighting: Lighting::new(&scene)?,
+            lighting,
             cache: FragmentCache::default(),
             parts,
             scene,
@@ -133,6 +143,16 @@ impl Renderer {
     /// The measures of the scene.
     pub(crate) fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// The objects as one mesh.
+    pub(super) fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// The lighting, shared.
+    pub(super) fn lighting(&self) -> Arc<Lighting> {
+        Arc::clone(&self.lighting)
     }
 
     /// The size of a view whose image is made smaller `reduce` times along each axis.
@@ -229,8 +249,13 @@ impl Renderer {
     fn draw_request<'t>(
         &self,
         values: &Values<'t, '_>,
-        Request { view, reduce, with_mask, with_lens, cache }: Request<'_>,
+        request: Request<'_>,
     ) -> Result<Drawn<'t>, FitError> {
+        if let Some((renderer, variables)) = self.on_surfaces(values)? {
+            let values = Values { learnt: Some(&variables), ..*values };
+            return renderer.as_ref().unwrap_or(self).draw_request(&values, request);
+        }
+        let Request { view, reduce, with_mask, with_lens, cache } = request;
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let interpolated = self.interpolated(values, world)?;
         let view_camera = self.view_camera(view, reduce);
@@ -264,7 +289,7 @@ impl Renderer {
     }
 
     /// A view's camera, with its image made smaller `reduce` times.
-    fn view_camera(&self, view: usize, reduce: usize) -> ViewCamera<'_> {
+    pub(super) fn view_camera(&self, view: usize, reduce: usize) -> ViewCamera<'_> {
         let mut camera = self.scene.views[view].camera.scaled(reduce);
         camera.view *= DMat4::from_translation(self.frame.origin);
         ViewCamera { frame: &self.frame, view, camera }

@@ -4,6 +4,7 @@
 //! looked up at its own fragments alone, and light is worked out once for all of them.
 
 mod drawing;
+mod fields;
 mod fragment_cache;
 mod lens;
 mod lighting;
@@ -16,3 +17,4 @@ mod tests;
 mod view_camera;
 
 pub use drawing::{Drawn, Renderer};
+pub(crate) use fields::{SeenPoint, field_name};

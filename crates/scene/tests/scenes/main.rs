@@ -4,6 +4,7 @@
 mod alignment;
 mod description;
 mod exposures;
+mod fields;
 mod fits;
 mod fixtures;
 mod hulls;

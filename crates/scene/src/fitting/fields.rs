@@ -1,0 +1,132 @@
+//! Fields whose surfaces are meshes: which stages learn them, what silhouettes say of their insides, and the meshes that
+//! they leave.
+//!
+//! # What silhouettes say
+//! The loss of masks moves outlines. Where a surface covers a pixel wholly there is none, whatever the mask says, and no
+//! hole would open; where nothing is drawn there is none either, and no handle would grow. So each point inside of a
+//! field that a view sees before its background adds `-f a^2 / N` to the view's part of masks, and each point outside
+//! adds `f a^2 / N` that lies before or behind a pixel of the mask at which nothing is drawn. `f` is the field
+//! in cells, an edge of the point's cell is `a` pixels long, and there are N pixels: so it is about the mean over the
+//! image of how much stands along a pixel's ray that should not, or might.
+
+use bokashi_core::{Tensor, Var};
+use bokashi_fit::{FitError, Parameters};
+
+use super::remeshing::learnt_objects;
+use crate::description::Stage;
+use crate::error::{Location, SceneError};
+use crate::learnables::{COLORS, FIELD, Frame, Values};
+use crate::renderer::{Drawn, Renderer, SeenPoint, field_name};
+use crate::scene::Scene;
+
+/// Whether a stage learns the fields of a scene.
+pub(super) fn learns_fields(scene: &Scene, stage: &Stage) -> bool {
+    let is_named = |keys: &Vec<String>| keys.iter().any(|key| key == FIELD.key);
+    scene.description.learn.field.is_some() && stage.learn.as_ref().is_none_or(is_named)
+}
+
+/// Checks that fields are learnt first, and alone.
+///
+/// # Errors
+/// [`SceneError::Content`].
+pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneError> {
+    if scene.description.learn.field.is_none() {
+        return Ok(());
+    }
+    let wrong = |message: String| Err(SceneError::content(Location::new(&scene.path), message));
+    let vertices = learnt_objects(scene)?;
+    let mut after = None;
+    for (number, stage) in (1..).zip(stages) {
+        if !learns_fields(scene, stage) {
+            after = after.or(Some(number));
+            continue;
+        }
+        if let Some(before) = after {
+            let rule =
+                "stages that learn a `field` come before all others, as its mesh is left behind";
+            return wrong(format!("{rule}, and stage {number} does after stage {before}"));
+        }
+        if stage.remesh.is_some() {
+            let rule = "a stage with `remesh` learns no `field`, which has a new mesh in each step";
+            return wrong(format!("{rule}, and stage {number} does"));
+        }
+        let is_named = |keys: &Vec<String>| keys.iter().any(|key| key == "vertices");
+        let with_vertices = stage.learn.as_ref().is_none_or(is_named);
+        let has_field = |(index, _): &&(usize, String)| scene.objects[*index].field.is_some();
+        if let Some((_, name)) = vertices.iter().find(has_field).filter(|_| with_vertices) {
+            let rule = "a stage learns either the `field` or the `vertices` of a mesh: `learn` of a stage says which";
+            return wrong(format!("{rule}, and stage {number} learns both of {name:?}"));
+        }
+    }
+    match after {
+        Some(1) => {
+            let rule = "a `field` is learnt in the first stage";
+            wrong(format!("{rule}, and that learns other things"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The scene whose meshes are the surfaces that their fields have at last, and no longer follow them.
+///
+/// # Errors
+/// Those of a field that has no surface.
+pub(super) fn settled(
+    scene: &Scene,
+    frame: &Frame,
+    parameters: &Parameters<f32>,
+) -> Result<Scene, SceneError> {
+    let mut scene = scene.clone();
+    let of_field: Vec<_> = scene
+        .objects
+        .iter()
+        .filter(|object| object.field.is_some())
+        .map(|object| COLORS.parameter_name(&object.name))
+        .collect();
+    FIELD.put(&mut scene, frame, |name| parameters.value(name).ok())?;
+    COLORS.put(&mut scene, frame, |name| {
+        of_field.iter().any(|own| own == name).then(|| parameters.value(name).ok()).flatten()
+    })?;
+    scene.objects.iter_mut().for_each(|object| object.field = None);
+    Ok(scene)
+}
+
+/// What the points of fields add to the loss of a view; `None` where nothing is wrong. `image: [H, W, 4]` has the
+/// view's mask in its last channel.
+pub(super) fn silhouette_error<'t>(
+    renderer: &Renderer,
+    values: &Values<'t, '_>,
+    (view, reduce): (usize, usize),
+    drawn: &Drawn<'t>,
+    image: &Tensor<f32>,
+) -> Result<Option<Var<'t, f32>>, FitError> {
+    let Some(variables) = values.learnt else { return Ok(None) };
+    let masks = || image.data().as_chunks::<4>().0.iter().map(|pixel| pixel[3]);
+    let mut is_missing: Vec<bool> = masks().map(|mask| mask == 1.0 && drawn.is_sharp()).collect();
+    if drawn.is_sharp() {
+        drawn.fragments().coverage.pixels().for_each(|pixel| is_missing[pixel] = false);
+    }
+    let is_background: Vec<bool> = masks().map(|mask| mask == 0.0).collect();
+    let share = 1.0 / is_missing.len() as f32;
+    let mut all: Option<Var<'t, f32>> = None;
+    for (index, object) in renderer.scene().objects.iter().enumerate() {
+        let Ok(field) = variables.get(&field_name(&object.name)) else { continue };
+        let numbers = field.value();
+        let mut weights = vec![0.0; numbers.size()];
+        for SeenPoint { point, pixel, extent } in
+            renderer.seen_points(values, view, reduce, index)?
+        {
+            let is_inside = numbers.data()[point] < 0.0;
+            if is_inside && is_background[pixel] {
+                weights[point] -= share * extent * extent;
+            } else if !is_inside && is_missing[pixel] {
+                weights[point] += share * extent * extent;
+            }
+        }
+        if weights.iter().any(|weight| *weight != 0.0) {
+            let error = field.dot(values.tape.constant(&Tensor::from(&weights[..])))?;
+            all = Some(all.map_or(Ok(error), |sum| sum.try_add(error))?);
+        }
+    }
+    Ok(all)
+}
