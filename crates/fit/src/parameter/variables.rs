@@ -105,3 +105,28 @@ pub(super) fn position(names: &[String], name: &str) -> Result<usize, FitError> 
     let index = names.iter().position(|known| known == name);
     index.ok_or_else(|| FitError::UnknownParameter { name: name.into(), known: names.to_vec() })
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use crate::parameter::{Parameter, Parameters};
+
+    #[test]
+    fn what_follows_from_variables_stands_among_them_and_hands_gradients_on() {
+        let one = |name: &str, value: f64| Parameter::new(name, Tensor::scalar(value));
+        let list = Parameters::<f64>::new().with(one("a", 2.0)).unwrap();
+        let list = list.with(one("b", 3.0)).unwrap();
+        let tape = Tape::new();
+        let variables = list.record(&tape);
+        let square = variables.get("a").unwrap().square();
+        let others = variables.clone().without("a").without("c").with("square".into(), square);
+        assert!(others.get("a").is_err());
+        let loss = others.get("square").unwrap() * others.get("b").unwrap();
+        let gradients = loss.backward().unwrap();
+        assert_eq!(gradients.get_or_zeros(variables.raw("a").unwrap()).item(), 12.0);
+        // Those that they were made of are as they were.
+        assert_eq!(variables.iter().count(), 2);
+        assert!(variables.get("square").is_err());
+    }
+}

@@ -147,3 +147,90 @@ fn crossing(face: [u32; 3], vertices: &[[f64; 3]], [x, y]: [f64; 2]) -> Option<(
     let height = if sum == 0.0 { za } else { (of_a * za + of_b * zb + of_c * zc) / sum };
     Some((height, if first { 1 } else { -1 }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bokashi_mesh::extract_surface;
+
+    /// The cube from -1 to 1, whose faces lie in planes of a grid and whose diagonals meet its columns.
+    fn cube() -> (Tensor<f32>, Mesh) {
+        let positions = Tensor::from_fn(
+            [8, 3],
+            |[corner, axis]| {
+                if corner >> axis & 1 == 1 { 1.0 } else { -1.0 }
+            },
+        );
+        let sides =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let faces = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        (positions, Mesh::new(faces, 8).unwrap())
+    }
+
+    #[test]
+    fn points_of_a_mesh_as_regular_as_the_grid_lie_on_their_sides() {
+        let grid = Grid::new([9, 9, 9], [-2.0; 3], 0.5).unwrap();
+        let (positions, mesh) = cube();
+        let turned = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
+        for mesh in [mesh, Mesh::new(turned, 8).unwrap()] {
+            let found = signed_distances(&grid, &positions, &mesh, 3).unwrap();
+            for point in 0..grid.point_count() {
+                let place = grid.position(point).map(f64::abs);
+                let beyond = place.map(|x| (x - 1.0).max(0.0));
+                let outside = beyond.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let inside = place.iter().fold(0.0, |most: f64, x| most.max(*x)) - 1.0;
+                let expected = (if outside > 0.0 { outside } else { inside }) / 0.5;
+                let found = f64::from(found.data()[point]);
+                // A point on the surface is on either side of it.
+                let off =
+                    if expected == 0.0 { found.abs() } else { found - expected.clamp(-3.0, 3.0) };
+                assert!(off.abs() < 1e-6, "{found} for {expected} at {place:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ring_has_a_hole_and_what_is_twice_inside_is_inside() {
+        let grid = Grid::around([-1.2; 3], [1.2; 3], 20).unwrap();
+        let ring = |[x, y, z]: [f64; 3]| (x.hypot(z) - 0.7).hypot(y) - 0.3;
+        let (positions, mesh) = extract_surface(&grid.sampled::<f32>(ring), None, &grid).unwrap();
+        let found = signed_distances(&grid, &positions, &mesh, 3).unwrap();
+        for (point, value) in found.data().iter().enumerate() {
+            let expected = ring(grid.position(point)) / grid.spacing();
+            let near = expected.clamp(-3.0, 3.0);
+            assert!((f64::from(*value) - near).abs() < 0.2, "{value} for {expected}");
+            assert!(expected.abs() < 0.05 || (*value < 0.0) == (expected < 0.0));
+        }
+        // Two of it, one upon the other.
+        let count = mesh.vertex_count() as u32;
+        let twice = |face: &[u32; 3]| [*face, face.map(|vertex| vertex + count)];
+        let faces = mesh.faces().iter().flat_map(twice).collect();
+        let rows = positions.data().repeat(2);
+        let positions = Tensor::new([2 * count as usize, 3], rows).unwrap();
+        let both = Mesh::new(faces, 2 * count as usize).unwrap();
+        let again = signed_distances(&grid, &positions, &both, 3).unwrap();
+        assert_eq!(again.data(), found.data());
+    }
+
+    #[test]
+    fn points_near_a_surface_have_its_colors() {
+        let grid = Grid::new([9, 9, 9], [-2.0; 3], 0.5).unwrap();
+        let (positions, mesh) = cube();
+        let values = signed_distances(&grid, &positions, &mesh, 2).unwrap();
+        let colors = positions.map(|x| 0.5 + 0.25 * x);
+        let found = colors_near(&grid, &values, &positions, &mesh, &colors).unwrap();
+        for point in 0..grid.point_count() {
+            let place = grid.position(point);
+            let row = &found.data()[3 * point..][..3];
+            let outermost = place.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let expected = match outermost {
+                // Where the nearest point is plain.
+                1.0..=1.5 => place.map(|x| 0.5 + 0.25 * x.clamp(-1.0, 1.0)),
+                0.0 | 2.0 => [0.5; 3],
+                _ => continue,
+            };
+            let off = (0..3).map(|k| (f64::from(row[k]) - expected[k]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-6, "{row:?} for {expected:?} at {place:?}");
+        }
+    }
+}

@@ -67,6 +67,13 @@ pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneE
     }
 }
 
+/// Whether a parameter has numbers at the points of a field.
+pub(super) fn is_of_field(scene: &Scene, name: &str) -> bool {
+    let mut fields = scene.objects.iter().filter(|object| object.field.is_some());
+    fields
+        .any(|object| [&FIELD, &COLORS].iter().any(|row| row.parameter_name(&object.name) == name))
+}
+
 /// The scene whose meshes are the surfaces that their fields have at last, and no longer follow them.
 ///
 /// # Errors
@@ -77,15 +84,10 @@ pub(super) fn settled(
     parameters: &Parameters<f32>,
 ) -> Result<Scene, SceneError> {
     let mut scene = scene.clone();
-    let of_field: Vec<_> = scene
-        .objects
-        .iter()
-        .filter(|object| object.field.is_some())
-        .map(|object| COLORS.parameter_name(&object.name))
-        .collect();
+    let before = scene.clone();
     FIELD.put(&mut scene, frame, |name| parameters.value(name).ok())?;
     COLORS.put(&mut scene, frame, |name| {
-        of_field.iter().any(|own| own == name).then(|| parameters.value(name).ok()).flatten()
+        parameters.value(name).ok().filter(|_| is_of_field(&before, name))
     })?;
     scene.objects.iter_mut().for_each(|object| object.field = None);
     Ok(scene)

@@ -1,19 +1,19 @@
 //! A fit of a scene, from its start or a file to its end.
 
 use std::path::Path;
-use std::sync::{Arc, RwLock};
+use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::{
-    Alone, Fit, FitError, Given, Parameter, Parameters, Preconditioner, Ranks, Stepped, Stop,
-    agreed, check_alike, check_same, saved,
+    Alone, Fit, FitError, Given, Parameters, Preconditioner, Ranks, Stepped, Stop, agreed,
+    check_alike, check_same, saved,
 };
 
 use super::alignment::Aligned;
-use super::fields::{check_fields, learns_fields, settled};
+use super::fields::{check_fields, is_of_field, learns_fields, settled};
 use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{
-    StagePipeline, check_held_out, check_stages, set_rates, settings, stages, views_of,
+    StagePipeline, check_held_out, check_stages, drawing_of, set_rates, settings, stages, views_of,
     views_per_step, views_to_learn_from,
 };
 use super::starts::{Search, Start};
@@ -168,9 +168,7 @@ impl SceneFit {
         check_texturing(&scene, &stages, &learnt.rates)?;
         let (renderer, learnt) = with_surfaces(scene, learnt, &surfaces)?;
         let Learnt { parameters, rates, regularizers, preconditioners } = learnt;
-        let ssim = renderer.scene().description.loss.ssim;
-        let is_dense = renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0);
-        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
+        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
         let settings = settings(&first);
         let mut fit = match saved_fit {
             Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
@@ -178,7 +176,7 @@ impl SceneFit {
         };
         set_rates(fit.parameters_mut(), &rates, &first)?;
         fit.set_settings(settings)?;
-        let drawing = Arc::new(RwLock::new(Arc::clone(&renderer)));
+        let drawing = drawing_of(&renderer);
         let pipeline = StagePipeline {
             done: progress.done,
             views: views_of(&drawing, &targets, &learnt_from, &first, seed)
@@ -407,7 +405,7 @@ impl SceneFit {
         self.targets.forget();
         let seed = self.scene().description.seed;
         if leaves_field {
-            self.pipeline.drawing = Arc::new(RwLock::new(Arc::clone(&self.renderer)));
+            self.pipeline.drawing = drawing_of(&self.renderer);
         }
         let drawing = &self.pipeline.drawing;
         self.pipeline.views = views_of(drawing, &self.targets, &self.learnt_from, next, seed)
@@ -455,7 +453,7 @@ impl SceneFit {
         let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
         *self.fit.parameters_mut() = parameters;
         (self.rates, self.renderer) = (learnt.rates, renderer);
-        self.pipeline.drawing = Arc::new(RwLock::new(Arc::clone(&self.renderer)));
+        self.pipeline.drawing = drawing_of(&self.renderer);
         let drawing = &self.pipeline.drawing;
         self.pipeline.views = views_of(drawing, &self.targets, &self.learnt_from, stage, seed)
             .among(Arc::clone(&self.ranks));
@@ -504,9 +502,8 @@ impl SceneFit {
         let surfaces = surfaces_to_bytes(&Surface::all(&scene, false)?);
         let mut parameters = learnt.parameters.clone();
         for parameter in before.iter() {
-            let name = parameter.name();
-            let stays = |new: &Parameter<f32>| new.raw().shape() == parameter.raw().shape();
-            if parameters.get(name).is_ok_and(stays) {
+            let is_there = parameters.get(parameter.name()).is_ok();
+            if is_there && !is_of_field(self.scene(), parameter.name()) {
                 parameters.replace(parameter, |moments| Ok(moments.clone()))?;
             }
         }
@@ -557,6 +554,12 @@ impl SceneFit {
         let all = report.left_out.into_iter();
         Ok(all.map(|entry| (entry.name, entry.reason.into_owned())).collect())
     }
+}
+
+/// Whether a loss sees neighbours of pixels.
+fn is_dense(renderer: &Renderer) -> bool {
+    let ssim = renderer.scene().description.loss.ssim;
+    renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0)
 }
 
 /// What draws a scene, and what is learnt of it, after its meshes got other vertices.

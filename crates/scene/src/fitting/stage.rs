@@ -32,6 +32,11 @@ pub(super) type Loss = Box<
 /// What draws the views of a step: another where a field got another surface.
 pub(super) type Drawing = Arc<RwLock<Arc<Renderer>>>;
 
+/// What draws views with `renderer` first.
+pub(super) fn drawing_of(renderer: &Arc<Renderer>) -> Drawing {
+    Arc::new(RwLock::new(Arc::clone(renderer)))
+}
+
 /// One stage's steps.
 pub(super) struct StagePipeline {
     /// How many steps each of the stages did that are done.

@@ -68,7 +68,7 @@ pub(crate) static FIELD: Learnable = Learnable {
     unit: "cells of the grid",
     start: |scene, mesh| Some(scene.objects[mesh].field.as_ref()?.values.clone()),
     apply: |scene, mesh, values, _| scene.objects[mesh].set_field(values),
-    ..Learnable::new("field", Subjects::Meshes, 0.05)
+    ..Learnable::new("field", Subjects::Meshes, 0.15)
 };
 
 /// The places of a mesh's vertices, `[V, 3]`; of a mesh whose field is learnt, they follow from that.

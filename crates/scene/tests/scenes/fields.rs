@@ -31,7 +31,7 @@ const BALL: &str = "[[meshes]]\nshape = \"sphere\"\nfaces = 500\nplace = { scale
 fn a_ball_becomes_a_ring_whose_hole_silhouettes_open() {
     let folder = tempfile::tempdir().unwrap();
     let text = views(folder.path(), &ring(), 24, 6, 64)
-        + "[learn.field]\ncells = 24\nrate = 0.15\n[learn.vertices]\nsmoothing = 10.0\n[learn.colors]\n\
+        + "[learn.field]\ncells = 24\n[learn.vertices]\nsmoothing = 10.0\n[learn.colors]\n\
            [pipeline]\ncull = \"back\"\n[loss]\nkind = \"huber\"\nsilhouette = 1.0\n\
            [[stages]]\nsteps = 120\nviews_per_step = 4\nlearn = [\"field\", \"colors\"]\n\
            [[stages]]\nsteps = 60\nviews_per_step = 4\nrates = 0.5\nlearn = [\"vertices\", \"colors\"]\n\

@@ -210,6 +210,7 @@ fn keys() -> BTreeSet<String> {
 }
 
 /// What becomes of a change between save and resume.
+#[derive(Clone, Copy)]
 enum Then {
     /// It is named, and takes effect.
     Takes,
@@ -223,6 +224,7 @@ enum Then {
 fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
     use Then::{Named, Refused, Takes};
     let start = "the start that it learnt from";
+    let both = Refused("either the `field` or the `vertices`");
     vec![
         ("pipeline.silhouettes", "\"exact\"", "\"aliased\"", Takes),
         ("pipeline.surface", "surface = \"metallic-roughness\"", "surface = \"lambert\"", Takes),
@@ -249,6 +251,26 @@ fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
         ("pipeline.lens.samples", "samples = 1", "samples = 2", Takes),
         ("pipeline.lens.slopes", "slopes = false", "slopes = true", Takes),
         ("pipeline.lens.largest_radius", "largest_radius = 20", "largest_radius = 21", Named),
+        // What they change is held elsewhere.
+        ("learn.field.rate", "[learn.vertices]", "[learn.field]\nrate = 1\n[learn.vertices]", both),
+        (
+            "learn.field.meshes",
+            "[learn.vertices]",
+            "[learn.field]\nmeshes = [\"cube\"]\n[learn.vertices]",
+            both,
+        ),
+        (
+            "learn.field.cells",
+            "[learn.vertices]",
+            "[learn.field]\ncells = 9\n[learn.vertices]",
+            both,
+        ),
+        (
+            "learn.field.smoothing",
+            "[learn.vertices]",
+            "[learn.field]\nsmoothing = 1\n[learn.vertices]",
+            both,
+        ),
         ("learn.vertices.rate", "rate = 0.01\nsmoothing", "rate = 0.02\nsmoothing", Takes),
         ("learn.vertices.smoothing", "smoothing = 5.0", "smoothing = 9.0", Refused("lambda")),
         ("learn.vertices.rigid", "rigid = 0.1", "rigid = 0.2", Takes),
