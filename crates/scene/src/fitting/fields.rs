@@ -50,6 +50,10 @@ pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneE
             let rule = "a stage with `remesh` learns no `field`, which has a new mesh in each step";
             return wrong(format!("{rule}, and stage {number} does"));
         }
+        if stage.texture.is_some() {
+            let rule = "a stage with `texture` learns no `field`, which has a new mesh in each step";
+            return wrong(format!("{rule}, and stage {number} does"));
+        }
         let is_named = |keys: &Vec<String>| keys.iter().any(|key| key == "vertices");
         let with_vertices = stage.learn.as_ref().is_none_or(is_named);
         let has_field = |(index, _): &&(usize, String)| scene.objects[*index].field.is_some();

@@ -381,7 +381,6 @@ impl SceneFit {
     }
 
     fn next_stage(&mut self) -> Result<(), SceneError> {
-        self.pipeline.done.push(self.fit.steps_done());
         let next = &self.stages[self.stage + 1];
         let leaves_field = self.scene().objects.iter().any(|object| object.field.is_some())
             && !learns_fields(self.scene(), next);
@@ -397,6 +396,7 @@ impl SceneFit {
             }
             false => self.fit.parameters().clone(),
         };
+        self.pipeline.done.push(self.fit.steps_done());
         self.stage += 1;
         let next = &self.stages[self.stage];
         parameters.forget_moments();
