@@ -145,7 +145,8 @@ impl Origin {
     ///
     /// # Errors
     /// [`FitError::Saved`] where parameters start elsewhere: what was learnt since has their place; and
-    /// where stages were changed that are done, before `stage`, or the starts of poses that were tried.
+    /// where stages were changed that are done, before `stage`, the starts of poses that were tried, or how smooth
+    /// a field's surface is.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
         let refused = |rule: &str, difference: &Difference| {
             let (before, other) =
@@ -156,10 +157,14 @@ impl Origin {
             return Err(refused("the start that it learnt from", difference));
         }
         let changed = differences(&self.given, &now.given);
-        if let Some(difference) =
-            changed.iter().find(|difference| difference.name == "`learn.pose.starts`")
-        {
-            return Err(refused("the starts that were tried", difference));
+        // The second one makes the surface that a scene's measures, and so learnt motions, are of.
+        for (name, rule) in [
+            ("`learn.pose.starts`", "the starts that were tried"),
+            ("`learn.field.smoothing`", "the surface that it learnt from"),
+        ] {
+            if let Some(difference) = changed.iter().find(|difference| difference.name == name) {
+                return Err(refused(rule, difference));
+            }
         }
         let is_done = |difference: &&Difference| {
             (0..stage).any(|stage| difference.name.starts_with(&format!("`stages[{stage}]")))

@@ -487,18 +487,14 @@ impl Source {
     ) -> Result<Vec<SceneView>, SceneError> {
         let entries = || description.views.iter().map(Spanned::get_ref);
         let given = entries().filter_map(|entry| entry.name.clone()).collect();
-        let unnamed = entries().filter(|entry| entry.name.is_none());
-        let unnamed = unnamed.filter_map(|view| view.image.as_deref());
+        let is_unnamed = |entry: &&ViewEntry| entry.name.is_none();
+        let unnamed = entries().filter(is_unnamed).filter_map(|view| view.image.as_deref());
         let mut unnamed = names(unnamed, &given).into_iter();
         let mut views = Vec::with_capacity(description.views.len());
         for entry in &description.views {
             let view = entry.get_ref();
-            let name = match (&view.name, &view.image) {
-                (Some(name), _) => Some(name.clone()),
-                (None, Some(_)) => unnamed.next(),
-                (None, None) => None,
-            };
-            let Some(name) = name else {
+            let of_image = || view.image.as_ref().and_then(|_| unnamed.next());
+            let Some(name) = view.name.clone().or_else(of_image) else {
                 return Err(self.wrong(entry, "a view without an image has a `name`"));
             };
             views.push(self.view(entry, name)?);

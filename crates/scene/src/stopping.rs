@@ -84,8 +84,6 @@ impl StopRules {
 
     /// Counts a measure of the views that are held out: their mean PSNR in decibels.
     pub(crate) fn measure(&mut self, psnr: f64) {
-        // Pictures that equal their images have no number that files hold.
-        let psnr = psnr.min(f64::MAX);
         let gain = self.held_out.and_then(|rule| rule.gain).map_or(0.0, |gain| gain.0);
         if self.best_psnr.is_none_or(|best| psnr > best + gain) {
             (self.best_psnr, self.measures_waited) = (Some(psnr), 0);
@@ -222,9 +220,9 @@ mod tests {
                 is_said
             })
         };
-        // The same again is no better; and gains are of the best before, not of the last.
+        // The same again is no better; and a gain is over the best before, not over the last.
         assert_eq!((end(1, 0.0), end(2, 0.0), end(3, 0.0)), (Some(4), Some(7), None));
-        assert_eq!((end(1, 0.45), end(2, 0.45), end(3, 0.45)), (Some(2), Some(4), Some(7)));
+        assert_eq!((end(1, 0.45), end(2, 0.45), end(3, 0.45)), (Some(2), Some(5), Some(6)));
         let mut none = StopRules::new(&StopEntry::default(), Seen::default());
         assert!(!none.measures_after(0));
         [1.0; 9].into_iter().for_each(|psnr| none.measure(psnr));

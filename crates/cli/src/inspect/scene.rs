@@ -26,27 +26,14 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let mut whole = Section::default();
     // JSON has them all under these names.
     whole.fact("objects", scene.objects.len(), json!([]));
-    let held_out = scene.views.iter().filter(|view| view.held_out).count();
-    let without = scene.views.iter().filter(|view| view.image.is_none()).count();
-    let mut text = scene.views.len().to_string();
-    for (number, what) in [(held_out, "held out"), (without, "without an image")] {
-        if number > 0 {
-            text += &format!(", of these {number} {what}");
-        }
-    }
-    whole.fact("views", text, json!([]));
+    whole.fact("views", views_in_words(&scene), json!([]));
     let description = &scene.description;
     whole.plain("lights", description.lights.len());
     if let Some(texels) = &scene.environment {
         let side = texels.shape()[1];
         whole.fact("environment", format!("6 x {side} x {side} texels"), side);
     }
-    add_lens(&mut whole, &scene);
-    let exposed = scene.views.iter().filter(|view| view.exposure != 0.0).count();
-    if exposed > 0 {
-        let text = format!("{} with exposures of their own", count(exposed, "view"));
-        whole.fact("exposures", text, exposed);
-    }
+    add_lens_and_exposures(&mut whole, &scene);
     whole.plain("seed", description.seed);
     let (center, radius) = scene.ball();
     let text = format!("around {}, radius {}", numbers(center.to_array()), number(radius));
@@ -86,8 +73,26 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     Ok(findings)
 }
 
-/// Adds the numbers of the lens that views share.
-fn add_lens(section: &mut Section, scene: &Scene) {
+/// How many views there are, and of which kinds.
+fn views_in_words(scene: &Scene) -> String {
+    let held_out = scene.views.iter().filter(|view| view.held_out).count();
+    let without = scene.views.iter().filter(|view| view.image.is_none()).count();
+    let mut text = scene.views.len().to_string();
+    for (number, what) in [(held_out, "held out"), (without, "without an image")] {
+        if number > 0 {
+            text += &format!(", of these {number} {what}");
+        }
+    }
+    text
+}
+
+/// Adds the numbers of the lens that views share, and how many views have an exposure of their own.
+fn add_lens_and_exposures(section: &mut Section, scene: &Scene) {
+    let exposed = scene.views.iter().filter(|view| view.exposure != 0.0).count();
+    if exposed > 0 {
+        let text = format!("{} with exposures of their own", count(exposed, "view"));
+        section.fact("exposures", text, exposed);
+    }
     if let Some(lens) = scene.description.pipeline.lens {
         let (key, opening, focus) = (lens.opening.key(), lens.opening.number(), lens.focus.0);
         let own = scene.views.iter().filter(|view| view.lens != ViewLens::default()).count();

@@ -324,6 +324,7 @@ impl Template<'_> {
             true => ("learn = [\"vertices\", \"colors\"]\n", "[\"texture\", \"cameras\"]"),
             false => ("", "[\"texture\"]"),
         };
+        let alone = if self.has_rough_cameras { "and cameras" } else { "alone" };
         format!(
             "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
              # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
@@ -332,7 +333,7 @@ impl Template<'_> {
              # Then all of it.{smaller}\n\
              [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
-             # At last colours alone, in a texture that begins as those at vertices. More texels than pixels that see\n\
+             # At last colours {alone}, in a texture that begins as those at vertices. More texels than pixels that see\n\
              # the object show no more.\n\
              [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\n\
              texture = {{ size = {} }}\nlearn = {last}\n",

@@ -95,8 +95,7 @@ fn run_until(
     let has_turntable = options.turntable;
     let results = Results { out, json, page, film: &film, has_turntable, speaks, time };
     // What is saved knows nothing of it: a fit that goes on ends with the same bits.
-    let aligned = fit.align();
-    let written = aligned.and_then(|()| save_views(&fit, out)).map_err(Failure::from);
+    let written = fit.align().and_then(|()| save_views(&fit, out)).map_err(Failure::from);
     let written =
         written.and_then(|scores| fit.on_first(|| results.write(&fit, &record, &first, scores)));
     written.map_err(|failure| with_how_to_go_on(failure, &fit, options))

@@ -51,7 +51,8 @@ pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneE
             return wrong(format!("{rule}, and stage {number} does"));
         }
         if stage.texture.is_some() {
-            let rule = "a stage with `texture` learns no `field`, which has a new mesh in each step";
+            let rule =
+                "a stage with `texture` learns no `field`, which has a new mesh in each step";
             return wrong(format!("{rule}, and stage {number} does"));
         }
         let is_named = |keys: &Vec<String>| keys.iter().any(|key| key == "vertices");

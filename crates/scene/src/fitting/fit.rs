@@ -13,8 +13,8 @@ use super::alignment::Aligned;
 use super::fields::{check_fields, is_of_field, learns_fields, settled};
 use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{
-    StagePipeline, check_held_out, check_stages, drawing_of, set_rates, settings, stages, views_of,
-    views_per_step, views_to_learn_from,
+    StagePipeline, check_stages, drawing_of, set_rates, settings, stages, views_of, views_per_step,
+    views_to_learn_from,
 };
 use super::starts::{Search, Start};
 use super::texturing::{check_texturing, textured};
@@ -153,14 +153,10 @@ impl SceneFit {
         let stages = stages(description);
         check_fields(&scene, &stages)?;
         check_remeshing(&scene, &stages)?;
-        check_held_out(&scene)?;
         let (progress, surfaces, from) = saved_fit::read_file(saved_fit)?;
         let (rules, seed) = (StopRules::new(&description.stop, progress.seen), description.seed);
         let stage = progress.done.len();
-        let Some(first) = stages.get(stage).cloned() else {
-            let rule = format!("one of the scene's {} stages", stages.len());
-            return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
-        };
+        let first = stage_of(&stages, stage)?;
         let scene = Arc::new(scene);
         let learnt = Learnt::from_scene(&scene)?;
         let given = Some((Arc::clone(&scene), starts(&learnt.parameters)));
@@ -557,6 +553,15 @@ impl SceneFit {
 }
 
 /// Whether a loss sees neighbours of pixels.
+/// A stage by its index, which a saved fit may say.
+fn stage_of(stages: &[Stage], index: usize) -> Result<Stage, SceneError> {
+    let missing = || {
+        let rule = format!("one of the scene's {} stages", stages.len());
+        FitError::saved(rule, format!("number {}", index + 1))
+    };
+    Ok(stages.get(index).cloned().ok_or_else(missing)?)
+}
+
 fn is_dense(renderer: &Renderer) -> bool {
     let ssim = renderer.scene().description.loss.ssim;
     renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0)

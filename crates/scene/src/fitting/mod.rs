@@ -3,6 +3,7 @@
 mod alignment;
 mod fields;
 mod fit;
+mod held_out;
 mod remeshing;
 mod scores;
 mod stage;

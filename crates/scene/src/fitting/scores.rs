@@ -97,27 +97,6 @@ impl SceneFit {
         Ok(pairs.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
     }
 
-    /// The mean PSNR in decibels of the views that are held out, aligned, smaller `reduce` times along each axis.
-    /// Ranks share it.
-    ///
-    /// # Errors
-    /// As [`SceneFit::align`] and [`SceneFit::score`].
-    pub(super) fn held_out_psnr(&mut self, reduce: usize) -> Result<f64, SceneError> {
-        self.align()?;
-        let views: Vec<_> = self.scene().views_with_image(true).collect();
-        let range = block(views.len(), self.ranks.rank(), self.ranks.size());
-        let ratio = |&view: &usize| {
-            let (picture, target) = (self.picture(view, reduce)?, self.target(view, reduce)?);
-            Ok(psnr(&picture, &target, 1.0).map_err(FitError::from)?)
-        };
-        let ratios: Result<Vec<f64>, SceneError> = views[range].iter().map(ratio).collect();
-        let bytes = ratios.map(|all| all.into_iter().flat_map(f64::to_le_bytes).collect());
-        let all = agree(&*self.ranks, bytes)?.concat();
-        self.aligned = None;
-        let sum: f64 = all.as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).sum();
-        Ok(sum / views.len() as f64)
-    }
-
     /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
     ///
     /// # Errors

@@ -13,7 +13,7 @@ use crate::description::{Count, Description, LossKind, Stage};
 use crate::error::{Location, SceneError};
 use crate::learnables::{TEXTURE, Values, learnt_keys};
 use crate::learning::{LearntRate, Regularizer};
-use crate::renderer::{Drawn, Renderer};
+use crate::renderer::{Drawn, OnSurfaces, Renderer};
 use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
@@ -79,7 +79,7 @@ impl Pipeline<f32> for StagePipeline {
         let drawing = Arc::clone(&self.drawing.read().unwrap_or_else(PoisonError::into_inner));
         let mut loss = match drawing.on_surfaces(&Values { tape, learnt: Some(variables) })? {
             None => self.views.loss(tape, variables)?,
-            Some((renderer, variables)) => {
+            Some(OnSurfaces { renderer, variables }) => {
                 if let Some(renderer) = renderer {
                     let mut drawing = self.drawing.write().unwrap_or_else(PoisonError::into_inner);
                     *drawing = Arc::new(renderer);
@@ -122,7 +122,7 @@ pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneEr
 }
 
 /// A rule of views that are held out has some to measure.
-pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
+fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
     if scene.description.stop.held_out.is_none() || scene.views_with_image(true).next().is_some() {
         return Ok(());
     }
@@ -131,8 +131,9 @@ pub(super) fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
     Err(SceneError::content(Location::new(&scene.path), message))
 }
 
-/// Stages name what is learnt, and nothing else.
+/// Stages name what is learnt, and nothing else, and end by rules that have something to go by.
 pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
+    check_held_out(scene)?;
     let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
     // What is learnt of a mesh after its field has no rate before.
     let later = learnt_keys(&scene.description.learn).into_iter().map(|keys| keys.key);

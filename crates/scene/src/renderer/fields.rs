@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use bokashi_fit::{FitError, Variables};
+use bokashi_fit::FitError;
 use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::transform_points;
 
-use super::drawing::Renderer;
+use super::drawing::{OnSurfaces, Renderer};
 use super::parts::Parts;
 use crate::error::SceneError;
 use crate::field::FieldSurface;
@@ -29,16 +29,14 @@ pub(crate) struct SeenPoint {
 }
 
 impl Renderer {
-    /// What draws the surfaces of fields as `values` have them, which is this where their faces are those that it has;
-    /// and the variables at the vertices of these surfaces in the place of those at the points of the fields. `None` where
-    /// nothing is learnt of a field.
+    /// What draws the surfaces of fields as `values` have them. `None` where nothing is learnt of a field.
     ///
     /// # Errors
     /// Those of a field that has no surface.
     pub(crate) fn on_surfaces<'t>(
         &self,
         values: &Values<'t, '_>,
-    ) -> Result<Option<(Option<Self>, Variables<'t, f32>)>, FitError> {
+    ) -> Result<Option<OnSurfaces<'t>>, FitError> {
         let Some(variables) = values.learnt else { return Ok(None) };
         let mut scene: Option<Scene> = None;
         let mut all = None;
@@ -72,7 +70,7 @@ impl Renderer {
         }
         let renderer = scene.map(|scene| self.of_other_meshes(scene));
         let renderer = renderer.transpose().map_err(FitError::operation)?;
-        Ok(all.map(|variables| (renderer, variables)))
+        Ok(all.map(|variables| OnSurfaces { renderer, variables }))
     }
 
     /// Where a view, made smaller `reduce` times, sees the points of an object's field, once for each of its places;

@@ -16,5 +16,6 @@ mod parts;
 mod tests;
 mod view_camera;
 
+pub(crate) use drawing::OnSurfaces;
 pub use drawing::{Drawn, Renderer};
 pub(crate) use fields::{SeenPoint, field_name};

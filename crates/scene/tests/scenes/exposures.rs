@@ -28,11 +28,11 @@ fn scene(folder: &Path, tone: &str, rest: &str) -> Scene {
         "[[meshes]]\nfile = \"object.obj\"\nvertex_color_space = \"linear\"\n\
          [pipeline]\ntone = \"{tone}\"\nbackground = [0.1, 0.2, 0.1]\ncull = \"back\"\n{rest}"
     );
-    fs::write(folder.join("object.obj"), object(&balls(), [20, 32])).unwrap();
+    fs::write(folder.join("object.obj"), object(&balls(), [10, 16])).unwrap();
     for (k, stops) in STOPS.iter().enumerate() {
         let angle = 1.2 * k as f64;
         let position = 4.0 * DVec3::new(angle.sin(), 0.3 * (2.0 * angle).cos(), angle.cos());
-        let light = light(&balls(), &Eye { position, angle: ANGLE, pixels: 48 });
+        let light = light(&balls(), &Eye { position, angle: ANGLE, pixels: 32 });
         let lit = Tensor::from_flat_fn(light.shape(), |k| match k % 4 {
             3 => light.data()[k],
             _ => light.data()[k] * stops.exp2() as f32,
@@ -52,10 +52,10 @@ fn scene(folder: &Path, tone: &str, rest: &str) -> Scene {
 
 #[test]
 fn exposures_of_views_are_found_about_a_mean_that_stays() {
-    for (tone, start) in [("srgb", 0.0), ("linear", 0.0), ("srgb", 0.3)] {
+    for (tone, start) in [("srgb", 0.3), ("linear", 0.0)] {
         let folder = tempfile::tempdir().unwrap();
         let rest = "[learn.exposure]\nper_view = true\n[learn.colors]\n\
-                    [stop]\nsteps = 240\nviews_per_step = 5\n";
+                    [stop]\nsteps = 150\nviews_per_step = 5\n";
         let mut scene = scene(folder.path(), tone, rest);
         scene.views[1].exposure = start;
         let mut fit = SceneFit::new(scene).unwrap();

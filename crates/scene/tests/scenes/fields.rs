@@ -58,14 +58,16 @@ fn a_ball_becomes_a_ring_whose_hole_silhouettes_open() {
     assert_eq!(topology(&fit), (1, 0));
 }
 
-/// A fit whose field is learnt in two stages, then left, and whose mesh then changes.
+/// A fit whose field is learnt in two stages, then left, whose mesh then changes and gets a texture at last.
 const FIT: &str = "[learn.field]\ncells = 10\n[learn.vertices]\nsmoothing = 5.0\nlaplacian = 1e-3\n[learn.colors]\n\
-                   [learn.pose]\n[learn.cameras]\n[loss]\nsilhouette = 1.0\n\
+                   [learn.texture]\n[learn.pose]\n[learn.cameras]\n[loss]\nsilhouette = 1.0\n\
                    [[stages]]\nsteps = 3\nreduce = 2\nviews_per_step = 3\nrates = 8.0\nlearn = [\"field\", \"colors\", \"pose\"]\n\
                    [[stages]]\nsteps = 2\nviews_per_step = 2\nrates = 8.0\nlearn = [\"field\", \"cameras\"]\n\
                    [[stages]]\nsteps = 2\nviews_per_step = 3\nlearn = [\"vertices\", \"colors\", \"pose\"]\n\
                    [[stages]]\nsteps = 2\nviews_per_step = 3\nlearn = [\"vertices\", \"colors\"]\n\
-                   remesh = { length = 0.3 }\n";
+                   remesh = { length = 0.3 }\n\
+                   [[stages]]\nsteps = 2\nviews_per_step = 3\nlearn = [\"vertices\", \"texture\"]\n\
+                   texture = { size = 64 }\n";
 
 fn bits(fit: &SceneFit) -> Vec<u32> {
     let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
@@ -88,7 +90,9 @@ fn a_fit_of_a_field_has_the_same_bits_however_it_is_interrupted_or_shared() {
     let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
     let mut meshes = Vec::new();
     loop {
-        meshes.push(fit.learnt().unwrap().objects[0].mesh.faces().to_vec());
+        let object = fit.learnt().unwrap().objects.swap_remove(0);
+        assert_eq!(object.coordinates.is_some(), fit.steps_done() > 9);
+        meshes.push(object.mesh.faces().to_vec());
         fit.save(&saved).unwrap();
         let again = SceneFit::resume(load(), &saved).unwrap();
         assert_eq!(again.changed(), [""; 0]);
@@ -128,16 +132,16 @@ fn what_is_changed_of_a_field_takes_effect_or_is_refused() {
         let text = text.replacen(from, to, 1);
         SceneFit::resume(load(folder.path(), &text), &saved)
     };
-    for (from, to) in [
-        ("[learn.field]", "[learn.field]\nrate = 0.1"),
-        ("cells = 10", "cells = 10\nsmoothing = 1"),
+    let fit = resumed("[learn.field]", "[learn.field]\nrate = 0.1").unwrap();
+    assert!(fit.changed()[0].contains("`learn.field."), "{:?}", fit.changed());
+    assert!(end(fit) != whole);
+    for (to, rule) in [
+        ("cells = 11", "the scene's parameters"),
+        ("cells = 10\nsmoothing = 1", "the surface that it learnt from: `learn.field.smoothing`"),
     ] {
-        let fit = resumed(from, to).unwrap();
-        assert!(fit.changed()[0].contains("`learn.field."), "{:?}", fit.changed());
-        assert!(end(fit) != whole, "{to}");
+        let error = resumed("cells = 10", to).err().unwrap().to_string();
+        assert!(error.contains(rule), "{error}");
     }
-    let error = resumed("cells = 10", "cells = 11").err().unwrap().to_string();
-    assert!(error.contains("the scene's parameters"), "{error}");
 }
 
 #[test]
@@ -169,6 +173,8 @@ fn fields_that_cannot_be_learnt_are_refused() {
     let remeshed =
         format!("{ball}[learn.vertices]\n{}remesh = {{ length = 0.1 }}\n", stage("\"field\""));
     refused(&remeshed, "a stage with `remesh` learns no `field`");
+    let textured = format!("{ball}{}texture = {{ size = 64 }}\n", stage("\"field\""));
+    refused(&textured, "a stage with `texture` learns no `field`");
 }
 
 /// All views say that nothing is there.
