@@ -252,12 +252,22 @@ fn faces_without_an_area_have_a_place_and_no_chart() {
 }
 
 #[test]
-fn texels_beyond_a_chart_are_copies_of_its_border() {
-    let atlas = made(&sphere(5), &AtlasOptions::new(64));
+fn texels_show_the_nearest_point_and_those_beyond_a_chart_are_copies_of_its_border() {
+    let model = sphere(5);
+    let atlas = made(&model, &AtlasOptions::new(64));
+    let faces: Vec<_> = (0..model.faces.len()).map(|face| in_texels(&atlas, face)).collect();
     let map = TexelMap::new(&atlas.coordinates, &atlas.corners, 64).unwrap();
     for (texel, &source) in map.sources().iter().enumerate() {
         let is_own = map.point(texel / 64, texel % 64).is_some();
         assert_eq!(is_own, source as usize == texel);
+        if let Some((face, weights)) = map.point(texel / 64, texel % 64) {
+            // No face has a nearer one.
+            let middle = DVec3::new((texel % 64) as f64 + 0.5, (texel / 64) as f64 + 0.5, 0.0);
+            let least = faces.iter().map(|corners| nearest(*corners, middle).1);
+            let point: DVec3 = (0..3).map(|k| weights[k] * faces[face as usize][k]).sum();
+            let least = least.fold(f64::INFINITY, f64::min);
+            assert!((point.distance_squared(middle) - least).abs() < 1e-9, "texel {texel}");
+        }
         assert!(map.point(source as usize / 64, source as usize % 64).is_some());
     }
     let copies = map.sources().iter().zip(0..).filter(|(source, texel)| *source != texel).count();

@@ -34,7 +34,7 @@ pub struct TexelMap {
 
 impl TexelMap {
     /// That of a texture of `size` by `size` texels on faces with these texture coordinates: `coordinates: [T, 2]`, and
-    /// which of them the corners of each face have. A million texels take about half a second.
+    /// which of them the corners of each face have. A million texels take about a second.
     ///
     /// # Errors
     /// [`TensorError::Value`] for a size that is not from 1 to 2^14, and for coordinates that are not finite;
