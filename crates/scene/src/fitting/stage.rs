@@ -13,7 +13,7 @@ use crate::description::{Count, Description, LossKind, Stage};
 use crate::error::{Location, SceneError};
 use crate::learnables::{Values, learnt_keys};
 use crate::learning::{LearntRate, Regularizer};
-use crate::renderer::{Drawn, Renderer};
+use crate::renderer::{Drawn, OnSurfaces, Renderer};
 use crate::saved_fit::Progress;
 use crate::scene::Scene;
 use crate::stopping::StopRules;
@@ -78,7 +78,7 @@ impl Pipeline<f32> for StagePipeline {
         let drawing = Arc::clone(&self.drawing.read().unwrap_or_else(PoisonError::into_inner));
         let mut loss = match drawing.on_surfaces(&Values { tape, learnt: Some(variables) })? {
             None => self.views.loss(tape, variables)?,
-            Some((renderer, variables)) => {
+            Some(OnSurfaces { renderer, variables }) => {
                 if let Some(renderer) = renderer {
                     let mut drawing = self.drawing.write().unwrap_or_else(PoisonError::into_inner);
                     *drawing = Arc::new(renderer);

@@ -251,9 +251,9 @@ impl Renderer {
         values: &Values<'t, '_>,
         request: Request<'_>,
     ) -> Result<Drawn<'t>, FitError> {
-        if let Some((renderer, variables)) = self.on_surfaces(values)? {
-            let values = Values { learnt: Some(&variables), ..*values };
-            return renderer.as_ref().unwrap_or(self).draw_request(&values, request);
+        if let Some(surfaces) = self.on_surfaces(values)? {
+            let values = Values { learnt: Some(&surfaces.variables), ..*values };
+            return surfaces.renderer.as_ref().unwrap_or(self).draw_request(&values, request);
         }
         let Request { view, reduce, with_mask, with_lens, cache } = request;
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;

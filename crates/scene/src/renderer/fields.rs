@@ -18,6 +18,14 @@ pub(crate) fn field_name(object: &str) -> String {
     format!("smooth_field/{object}")
 }
 
+/// What draws surfaces of fields in a step.
+pub(crate) struct OnSurfaces<'t> {
+    /// Another renderer, where the faces are others than those that the renderer has.
+    pub(crate) renderer: Option<Renderer>,
+    /// The variables at the vertices of the surfaces, in the place of those at the points of the fields.
+    pub(crate) variables: Variables<'t, f32>,
+}
+
 /// A point of a field in an image.
 pub(crate) struct SeenPoint {
     /// Its index in the grid.
@@ -29,16 +37,14 @@ pub(crate) struct SeenPoint {
 }
 
 impl Renderer {
-    /// What draws the surfaces of fields as `values` have them, which is this where their faces are those that it has;
-    /// and the variables at the vertices of these surfaces in the place of those at the points of the fields. `None` where
-    /// nothing is learnt of a field.
+    /// What draws the surfaces of fields as `values` have them; `None` where nothing is learnt of a field.
     ///
     /// # Errors
     /// Those of a field that has no surface.
     pub(crate) fn on_surfaces<'t>(
         &self,
         values: &Values<'t, '_>,
-    ) -> Result<Option<(Option<Self>, Variables<'t, f32>)>, FitError> {
+    ) -> Result<Option<OnSurfaces<'t>>, FitError> {
         let Some(variables) = values.learnt else { return Ok(None) };
         let mut scene: Option<Scene> = None;
         let mut all = None;
@@ -72,7 +78,7 @@ impl Renderer {
         }
         let renderer = scene.map(|scene| self.of_other_meshes(scene));
         let renderer = renderer.transpose().map_err(FitError::operation)?;
-        Ok(all.map(|variables| (renderer, variables)))
+        Ok(all.map(|variables| OnSurfaces { renderer, variables }))
     }
 
     /// Where a view, made smaller `reduce` times, sees the points of an object's field, once for each of its places;

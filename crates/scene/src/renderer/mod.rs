@@ -17,4 +17,4 @@ mod tests;
 mod view_camera;
 
 pub use drawing::{Drawn, Renderer};
-pub(crate) use fields::{SeenPoint, field_name};
+pub(crate) use fields::{OnSurfaces, SeenPoint, field_name};
