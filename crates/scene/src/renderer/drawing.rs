@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor, Var};
-use bokashi_fit::{FitError, Variables};
+use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Blur, Cull, Fragments, Kernel, LensPicture, Picture, RasterOptions, RenderError,
     Silhouettes, Size, Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize,
@@ -90,14 +90,6 @@ struct Request<'a> {
     /// Whether it is seen through its lens.
     with_lens: bool,
     cache: Option<&'a FragmentCache>,
-}
-
-/// What draws a step whose fields are learnt.
-pub(crate) struct OnSurfaces<'t> {
-    /// Where faces are others than before.
-    pub(crate) renderer: Option<Renderer>,
-    /// Those of the surfaces in the place of those of the fields.
-    pub(crate) variables: Variables<'t, f32>,
 }
 
 impl Renderer {
@@ -259,9 +251,9 @@ impl Renderer {
         values: &Values<'t, '_>,
         request: Request<'_>,
     ) -> Result<Drawn<'t>, FitError> {
-        if let Some(OnSurfaces { renderer, variables }) = self.on_surfaces(values)? {
-            let values = Values { learnt: Some(&variables), ..*values };
-            return renderer.as_ref().unwrap_or(self).draw_request(&values, request);
+        if let Some(surfaces) = self.on_surfaces(values)? {
+            let values = Values { learnt: Some(&surfaces.variables), ..*values };
+            return surfaces.renderer.as_ref().unwrap_or(self).draw_request(&values, request);
         }
         let Request { view, reduce, with_mask, with_lens, cache } = request;
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;

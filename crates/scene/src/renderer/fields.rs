@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use bokashi_fit::FitError;
+use bokashi_fit::{FitError, Variables};
 use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::transform_points;
 
-use super::drawing::{OnSurfaces, Renderer};
+use super::drawing::Renderer;
 use super::parts::Parts;
 use crate::error::SceneError;
 use crate::field::FieldSurface;
@@ -16,6 +16,14 @@ use crate::scene::Scene;
 /// What the variable of a mesh's field at the points of its grid is called, as its surface has it.
 pub(crate) fn field_name(object: &str) -> String {
     format!("smooth_field/{object}")
+}
+
+/// What draws surfaces of fields in a step.
+pub(crate) struct OnSurfaces<'t> {
+    /// Another renderer, where the faces are others than those that the renderer has.
+    pub(crate) renderer: Option<Renderer>,
+    /// The variables at the vertices of the surfaces, in the place of those at the points of the fields.
+    pub(crate) variables: Variables<'t, f32>,
 }
 
 /// A point of a field in an image.
@@ -29,7 +37,7 @@ pub(crate) struct SeenPoint {
 }
 
 impl Renderer {
-    /// What draws the surfaces of fields as `values` have them. `None` where nothing is learnt of a field.
+    /// What draws the surfaces of fields as `values` have them; `None` where nothing is learnt of a field.
     ///
     /// # Errors
     /// Those of a field that has no surface.

@@ -16,6 +16,5 @@ mod parts;
 mod tests;
 mod view_camera;
 
-pub(crate) use drawing::OnSurfaces;
 pub use drawing::{Drawn, Renderer};
-pub(crate) use fields::{SeenPoint, field_name};
+pub(crate) use fields::{OnSurfaces, SeenPoint, field_name};
