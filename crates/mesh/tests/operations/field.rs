@@ -428,3 +428,25 @@ fn gradients_are_the_slopes_of_the_vertices() {
         );
     }
 }
+
+/// Also where numbers are exactly 0, and vertices of several edges are one.
+#[test]
+fn each_vertex_stands_on_its_edge_where_the_field_is_0_along_it() {
+    let grid = Grid::around([-1.0; 3], [1.0; 3], 8).unwrap();
+    for radius in [0.7, 0.5] {
+        let field = grid.sampled(|[x, y, z]| x.abs().max(y.abs()).max(0.9 * z.abs()) - radius);
+        let tape = Tape::<f64>::new();
+        let surface = field_surface(tape.constant(&field), None, &grid).unwrap();
+        assert_eq!(surface.edges.len(), surface.mesh.vertex_count());
+        let positions = surface.positions.value();
+        for (vertex, [a, b]) in points(&positions).iter().zip(&surface.edges) {
+            let [of_a, of_b] = [a, b].map(|&end| field.data()[end as usize]);
+            assert!(of_a < 0.0 && of_b >= 0.0, "{of_a} {of_b}");
+            let [from, to] = [a, b].map(|&end| grid.position(end as usize));
+            let share = of_a / (of_a - of_b);
+            let expected = [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+            let off = minus(*vertex, expected);
+            assert!(dot(off, off) < 1e-24, "{vertex:?} for {expected:?}");
+        }
+    }
+}
