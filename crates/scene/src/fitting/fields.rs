@@ -7,7 +7,8 @@
 //! field that a view sees before its background adds `-f a^2 / N` to the view's part of masks, and each point outside
 //! adds `f a^2 / N` that lies before or behind a pixel of the mask at which nothing is drawn. `f` is the field
 //! in cells, an edge of the point's cell is `a` pixels long, and there are N pixels: so it is about the mean over the
-//! image of how much stands along a pixel's ray that should not, or might.
+//! image of how much stands along a pixel's ray that should not, or might. It has a gradient by the field alone: where
+//! points are seen is taken as it is, with focal lengths of the file.
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::{FitError, Parameters};
@@ -77,6 +78,22 @@ pub(super) fn is_of_field(scene: &Scene, name: &str) -> bool {
     let mut fields = scene.objects.iter().filter(|object| object.field.is_some());
     fields
         .any(|object| [&FIELD, &COLORS].iter().any(|row| row.parameter_name(&object.name) == name))
+}
+
+/// Checks that a saved fit can go on in a stage: with fields that this learns, or with the meshes that they left.
+///
+/// # Errors
+/// [`FitError::Saved`] where the stage was changed from one kind to the other.
+pub(super) fn check_stage_under_way(scene: &Scene, stage: &Stage) -> Result<(), FitError> {
+    let has_fields = scene.objects.iter().any(|object| object.field.is_some());
+    if scene.description.learn.field.is_none() || has_fields == learns_fields(scene, stage) {
+        return Ok(());
+    }
+    let [rule, value] = match has_fields {
+        true => ["learns the `field`, as it did", "one that does not"],
+        false => ["learns no `field`, as it did", "one that does"],
+    };
+    Err(FitError::saved(format!("a stage under way that {rule}"), value.to_owned()))
 }
 
 /// The scene whose meshes are the surfaces that their fields have at last, and no longer follow them.

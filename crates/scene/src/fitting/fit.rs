@@ -10,7 +10,7 @@ use bokashi_fit::{
 };
 
 use super::alignment::Aligned;
-use super::fields::{check_fields, is_of_field, learns_fields, settled};
+use super::fields::{check_fields, check_stage_under_way, is_of_field, learns_fields, settled};
 use super::remeshing::{Carried, check_remeshing, remeshed};
 use super::stage::{
     StagePipeline, check_stages, drawing_of, set_rates, settings, stages, views_of, views_per_step,
@@ -163,6 +163,7 @@ impl SceneFit {
         check_stages(&scene, &learnt.rates)?;
         check_texturing(&scene, &stages, &learnt.rates)?;
         let (renderer, learnt) = with_surfaces(scene, learnt, &surfaces)?;
+        check_stage_under_way(renderer.scene(), &first)?;
         let Learnt { parameters, rates, regularizers, preconditioners } = learnt;
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
         let settings = settings(&first);

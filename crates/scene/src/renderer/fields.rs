@@ -82,7 +82,7 @@ impl Renderer {
     }
 
     /// Where a view, made smaller `reduce` times, sees the points of an object's field, once for each of its places;
-    /// those beyond the image are left out.
+    /// those beyond the image, and those that are too near to be drawn, are left out.
     pub(crate) fn seen_points(
         &self,
         values: &Values<'_, '_>,
@@ -96,6 +96,7 @@ impl Renderer {
         let [width, height] = [camera.camera.size.width, camera.camera.size.height];
         let focal = camera.camera.intrinsics[0].abs() as f32;
         let half = [0.5 * height as f32, 0.5 * width as f32];
+        let near = self.frame().near as f32;
         let points = values.tape.constant(&field.grid.positions());
         let pose = values.learnt(&POSE, &self.scene().objects[object].name);
         let mut all = Vec::new();
@@ -108,7 +109,7 @@ impl Renderer {
             let clip = step_camera.clip(transform_points(points, matrix)?)?.value();
             for (point, &[x, y, _, w]) in clip.data().as_chunks::<4>().0.iter().enumerate() {
                 let [row, column] = [half[0] * (1.0 - y / w), half[1] * (1.0 + x / w)];
-                if w > 0.0 && row >= 0.0 && column >= 0.0 {
+                if w >= near && row >= 0.0 && column >= 0.0 {
                     let (row, column) = (row as usize, column as usize);
                     if row < height && column < width {
                         let extent = focal * spacing / w;

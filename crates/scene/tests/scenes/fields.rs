@@ -142,6 +142,20 @@ fn what_is_changed_of_a_field_takes_effect_or_is_refused() {
         let error = resumed("cells = 10", to).err().unwrap().to_string();
         assert!(error.contains(rule), "{error}");
     }
+    // A stage under way goes on with a field or with a mesh, as it began.
+    let mut fit = SceneFit::new(load(folder.path(), &text)).unwrap();
+    for (steps, from, to, rule) in [
+        (4, "[\"field\", \"cameras\"]", "[\"vertices\"]", "learns the `field`, as it did"),
+        (6, "[\"vertices\", \"colors\", \"pose\"]", "[\"field\"]", "learns no `field`, as it did"),
+    ] {
+        while fit.steps_done() < steps {
+            fit.step().unwrap();
+        }
+        fit.save(&saved).unwrap();
+        let text = text.replacen(from, to, 1);
+        let error = SceneFit::resume(load(folder.path(), &text), &saved).err().unwrap();
+        assert!(error.to_string().contains(rule), "{error}");
+    }
 }
 
 #[test]
