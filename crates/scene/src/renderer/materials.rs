@@ -313,6 +313,8 @@ impl<'t> SampledMaterial<'t, '_> {
             FilterName::Nearest => TextureFilter::Nearest,
             FilterName::Bilinear => TextureFilter::Bilinear,
             FilterName::Trilinear => TextureFilter::Trilinear,
+            // Probes would reach beyond the gutters of its charts.
+            FilterName::Anisotropic if coarsest.is_some() => TextureFilter::Trilinear,
             FilterName::Anisotropic => TextureFilter::Anisotropic { probes: 8 },
         };
         let sampler = Sampler::new().filter(filter).borders(borders);

@@ -46,6 +46,7 @@ def rigid_error(positions: ArrayLike, rigidity: Rigidity) -> Single:
     """
     return Single(lambda x: _native.rigid_error(x, rigidity), [positions], scalar)
 
+
 def field_surface(field: ArrayLike, grid: Grid, offsets: ArrayLike | None = None) -> Step:
     """The surface on which a field is 0: positions `[V, 3]`, and their `Mesh`, whose faces have their fronts outside.
 
