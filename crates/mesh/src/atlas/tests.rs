@@ -292,6 +292,31 @@ fn charts_are_few_and_cover_much() {
 }
 
 #[test]
+fn thin_surfaces_are_as_long_as_the_texture() {
+    let needle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1e-7]];
+    // The box around both slivers is 10^12 times as large as they are.
+    let least = 1e-12;
+    let corner = [[0.0, 0.0], [1.0, 0.0], [least, least], [0.0, 1.0]];
+    for (points, faces) in
+        [(&needle[..], vec![[0, 1, 2]]), (&corner[..], vec![[0, 1, 2], [0, 2, 3]])]
+    {
+        let points = points.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect();
+        let model = Model { points, faces };
+        for size in [16, SIZE, 1 << 14] {
+            let atlas = made(&model, &AtlasOptions::new(size));
+            assert_eq!((atlas.charts, atlas.levels), (1, 0));
+            let [from, to] = [0, 1].map(|vertex| {
+                let row = atlas.vertices.iter().position(|it| *it == vertex).unwrap();
+                DVec3::new(atlas.coordinates[[row, 0]], atlas.coordinates[[row, 1]], 0.0)
+            });
+            // But for the gutters, and half of it where the longest side lies aslant.
+            let length = from.distance(to) * size as f64;
+            assert!(length > 0.45 * (size as f64 - 3.0), "{length}");
+        }
+    }
+}
+
+#[test]
 fn where_gutters_have_no_room_levels_are_fewer_and_then_it_is_refused() {
     let model = sphere(8).shaken(0.1, 2);
     assert_eq!([32, 64, 1024].map(|size| made(&model, &AtlasOptions::new(size)).levels), [0, 0, 2]);
