@@ -55,7 +55,8 @@ pub struct Atlas<T> {
 
 /// Texture coordinates of the faces of `mesh` at `positions: [V, 3]`.
 ///
-/// Faces without an area lie at one place of some chart, or at (0, 0). 12,000 faces take half a second.
+/// Faces without an area lie at one place of some chart, or at (0, 0). The time grows about as the
+/// faces do, where charts seldom lie over themselves and seldom join: 200,000 faces take a second.
 ///
 /// ```
 /// use bokashi_core::Tensor;
