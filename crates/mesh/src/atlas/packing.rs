@@ -54,7 +54,7 @@ pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Pa
         Some(Packing { scale, corners: places.into_iter().map(corner).collect() })
     };
     if charts.is_empty() {
-        return at(0.0);
+        return at(f64::INFINITY);
     }
     // Neither is the texture smaller than all charts together, nor narrower than one with its gutters.
     let area: f64 = charts.iter().map(FlatChart::area).sum();
