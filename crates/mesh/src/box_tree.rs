@@ -143,6 +143,18 @@ impl BoxTree {
     /// Calls `found` with each item whose box meets `bounds`, and that box, in an order that depends on what was done
     /// alone.
     pub(crate) fn for_each_near(&self, bounds: &Bounds, mut found: impl FnMut(u32, &Bounds)) {
+        self.has_near(bounds, |item, around| {
+            found(item, around);
+            false
+        });
+    }
+
+    /// Whether `is_sought` holds of an item whose box meets `bounds`, given both. No more are asked once it does.
+    pub(crate) fn has_near(
+        &self,
+        bounds: &Bounds,
+        mut is_sought: impl FnMut(u32, &Bounds) -> bool,
+    ) -> bool {
         let mut open = SmallVec::<[u32; 64]>::new();
         open.push(0);
         while let Some(index) = open.pop() {
@@ -155,11 +167,12 @@ impl BoxTree {
                 continue;
             }
             for (around, item) in &self.leaves[node.below as usize] {
-                if around.meets(bounds) {
-                    found(*item, around);
+                if around.meets(bounds) && is_sought(*item, around) {
+                    return true;
                 }
             }
         }
+        false
     }
 
     /// The item with the least `distance`, squared and from `point`, and this; of equal ones that with the lowest

@@ -38,18 +38,17 @@ pub(super) fn flattened(
     // The last is the next.
     let mut open: Vec<_> = charts.iter().rev().cloned().collect();
     while let Some(Chart { faces: all, axis }) = open.pop() {
-        let seen = Seen::new(&all, axis, placed, indices, reach);
+        let seen = Seen::new(&all, axis, placed, indices);
         let is_kept = seen.kept(reach);
+        if is_kept.iter().all(|is_kept| *is_kept) {
+            flat.push(FlatChart::new(all, axis, placed, indices));
+            continue;
+        }
         let pick = |kept: bool| {
             let picked = all.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept == kept);
             picked.map(|(face, _)| *face).collect::<Vec<_>>()
         };
-        let rest = faces.parts(&pick(false));
-        if rest.is_empty() {
-            flat.push(FlatChart::new(all, axis, placed, indices));
-            continue;
-        }
-        let parts = faces.parts(&pick(true)).into_iter().chain(rest);
+        let parts = faces.parts(&pick(true)).into_iter().chain(faces.parts(&pick(false)));
         open.extend(parts.map(|faces| Chart { faces, axis }));
     }
     flat
@@ -62,19 +61,12 @@ fn across(axis: DVec3) -> [DVec3; 2] {
 }
 
 impl Seen {
-    fn new(all: &[u32], axis: DVec3, placed: &Placed, indices: &[[u32; 3]], reach: f64) -> Self {
+    fn new(all: &[u32], axis: DVec3, placed: &Placed, indices: &[[u32; 3]]) -> Self {
         let [right, up] = across(axis);
         let seen = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
         let corners: Vec<_> =
             all.iter().map(|face| placed.corners(indices[*face as usize]).map(seen)).collect();
-        let flat = |corners: &[DVec3; 3]| {
-            let far = 0.5 * reach * DVec3::new(1.0, 1.0, 0.0);
-            let points = corners.map(|point| DVec3::new(point.x, point.y, 0.0));
-            Bounds::around(
-                &[points.map(|point| point - far), points.map(|point| point + far)].concat(),
-            )
-        };
-        let bounds = corners.iter().map(flat).collect();
+        let bounds = corners.iter().map(|corners| Bounds::around(corners)).collect();
         Self { corners, bounds }
     }
 
@@ -82,16 +74,40 @@ impl Seen {
     fn kept(&self, reach: f64) -> Vec<bool> {
         let tree = BoxTree::new(&self.bounds);
         let mut is_kept = vec![true; self.corners.len()];
-        let mut near = Vec::new();
         for face in 0..self.corners.len() {
-            near.clear();
-            tree.for_each_near(&self.bounds[face], |other, _| near.push(other as usize));
-            near.sort_unstable();
-            is_kept[face] = near.iter().filter(|other| **other < face).all(|&other| {
-                !is_kept[other] || fit(&self.corners[face], &self.corners[other], reach)
+            is_kept[face] = !self.has_rival(&tree, face, reach, |other| {
+                other < face
+                    && is_kept[other]
+                    && !fit(&self.corners[face], &self.corners[other], reach)
             });
         }
         is_kept
+    }
+
+    /// Whether `is_rival` holds of a face that may not [`fit`]. Those are over or under this one, or less than `reach`
+    /// beside it and more than twice that above or below. A smooth chart has none but neighbours, however far `reach` is.
+    fn has_rival(
+        &self,
+        tree: &BoxTree,
+        face: usize,
+        reach: f64,
+        mut is_rival: impl FnMut(usize) -> bool,
+    ) -> bool {
+        let corners = &self.corners[face];
+        let [low, high] = [
+            corners[0].min(corners[1]).min(corners[2]),
+            corners[0].max(corners[1]).max(corners[2]),
+        ];
+        let beside = DVec3::new(reach, reach, 0.0);
+        let [near_low, near_high] = [low - beside, high + beside];
+        let (deep, far) = (f64::NEG_INFINITY, f64::INFINITY);
+        [
+            [low.with_z(deep), high.with_z(far)],
+            [near_low.with_z(low.z + 2.0 * reach), near_high.with_z(far)],
+            [near_low.with_z(deep), near_high.with_z(high.z - 2.0 * reach)],
+        ]
+        .iter()
+        .any(|ends| tree.has_near(&Bounds::around(ends), |other, _| is_rival(other as usize)))
     }
 }
 
@@ -213,5 +229,62 @@ fn hull(points: &[DVec2]) -> Vec<DVec2> {
         sorted
     } else {
         hull
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{Model, sphere, torus};
+
+    /// The faces of a model whose normals have at least such a cosine with the z axis, seen along it.
+    fn seen(model: &Model, least: f64) -> Seen {
+        let (positions, mesh) = (model.positions(), model.mesh());
+        let placed = Placed::new("seen", &positions, &mesh).unwrap();
+        let faces = Faces::new(&placed, &mesh);
+        let all: Vec<u32> = (0..model.faces.len() as u32)
+            .filter(|k| faces.normals[*k as usize].z >= least)
+            .collect();
+        Seen::new(&all, DVec3::Z, &placed, &model.faces)
+    }
+
+    #[test]
+    fn faces_stay_that_fit_with_all_before_that_stay() {
+        let above = |height| move |point: DVec3| point + height * DVec3::Z;
+        let mut cut = 0;
+        for model in [
+            sphere(8).shaken(0.1, 3),
+            sphere(6).and(sphere(5).moved(above(0.4))),
+            torus(20, 10, 0.3).shaken(0.1, 7),
+        ] {
+            let seen = seen(&model, 0.3);
+            for reach in [0.0, 0.01, 0.05, 0.1, 0.3, 1.0] {
+                let mut expected: Vec<bool> = Vec::new();
+                for (face, one) in seen.corners.iter().enumerate() {
+                    let mut before = seen.corners[..face].iter().zip(&expected);
+                    expected.push(before.all(|(other, stays)| !stays || fit(one, other, reach)));
+                }
+                cut += expected.iter().filter(|stays| !**stays).count();
+                assert_eq!(seen.kept(reach), expected, "{reach}");
+            }
+        }
+        assert!(cut > 500, "{cut}");
+    }
+
+    #[test]
+    fn a_smooth_chart_has_as_many_rivals_however_far_they_reach() {
+        let seen = seen(&sphere(24), 0.6);
+        let tree = BoxTree::new(&seen.bounds);
+        for reach in [0.03, 0.1, 0.5, 3.0] {
+            let mut count = 0;
+            for face in 0..seen.corners.len() {
+                seen.has_rival(&tree, face, reach, |_| {
+                    count += 1;
+                    false
+                });
+            }
+            let share = count as f64 / seen.corners.len() as f64;
+            assert!(share < 24.0, "{reach}: {share} each of {}", seen.corners.len());
+        }
     }
 }

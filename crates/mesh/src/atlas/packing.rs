@@ -53,8 +53,16 @@ pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Pa
         };
         Some(Packing { scale, corners: places.into_iter().map(corner).collect() })
     };
+    if charts.is_empty() {
+        return at(f64::INFINITY);
+    }
+    // Neither is the texture smaller than all charts together, nor narrower than one with its gutters.
     let area: f64 = charts.iter().map(FlatChart::area).sum();
-    let most = if area > 0.0 { size as f64 / area.sqrt() } else { 0.0 };
+    let longest = charts.iter().fold(0.0, |most: f64, chart| most.max(chart.extent.max_element()));
+    let most = (size as f64 / area.sqrt()).min((size as f64 - 2.0 * reach) / longest);
+    if !most.is_finite() || most <= 0.0 {
+        return None;
+    }
     let mut best = None;
     let (mut low, mut high) = (0.0, most);
     for _ in 0..HALVINGS {

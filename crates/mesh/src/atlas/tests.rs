@@ -7,7 +7,7 @@ use bokashi_render_ops::{
 };
 
 use super::options::reach;
-use super::{Atlas, AtlasOptions, TexelMap, atlas};
+use super::{Atlas, AtlasOptions, COVERED, TexelMap, atlas};
 use crate::draw_points;
 use crate::error::MeshError;
 use crate::fixtures::{Model, cube, sheet, sphere, tetrahedron, torus};
@@ -22,6 +22,23 @@ fn ramp() -> Model {
         let angle = f64::from(k) * 15_f64.to_radians();
         let along = DVec3::new(angle.cos(), angle.sin(), 0.0);
         points.extend([1.0, 2.0].map(|radius| radius * along + 0.1 * angle * DVec3::Z));
+        if k > 0 {
+            let [a, b, c, d] = [2 * k - 2, 2 * k - 1, 2 * k, 2 * k + 1];
+            faces.extend([[a, b, d], [a, d, c]]);
+        }
+    }
+    Model { points, faces }
+}
+
+/// A narrow band around an axis, a turn and a quarter, that rises beside its own start.
+fn spiral() -> Model {
+    let (mut points, mut faces) = (Vec::new(), Vec::new());
+    for k in 0..=450_u32 {
+        let angle = f64::from(k).to_radians();
+        let along = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        let radius = 1.0 + 0.006 * f64::from(k) / 360.0;
+        let rise = 0.2 * f64::from(k) / 360.0;
+        points.extend([0.0, 0.003].map(|side| (radius + side) * along + rise * DVec3::Z));
         if k > 0 {
             let [a, b, c, d] = [2 * k - 2, 2 * k - 1, 2 * k, 2 * k + 1];
             faces.extend([[a, b, d], [a, d, c]]);
@@ -47,6 +64,7 @@ fn models() -> Vec<(&'static str, Model)> {
         ("torus", torus(40, 16, 0.35)),
         ("sheet", sheet(5)),
         ("ramp", ramp()),
+        ("spiral", spiral()),
         ("moebius strip", moebius),
         ("parts", sphere(4).moved(far(3.0)).and(cube()).and(sheet(3).moved(far(-4.0)))),
         ("thin", torus(24, 8, 0.3).moved(|point| point * DVec3::new(1.0, 1.0, 0.01))),
@@ -139,6 +157,49 @@ fn no_texel_is_of_two_faces_and_no_gutter_of_two_charts() {
         }
     });
     assert!(wide >= 8, "{wide} atlases with all levels");
+}
+
+#[test]
+fn faces_of_one_chart_that_share_texels_are_near_in_space() {
+    let mut pairs = 0;
+    each(|name, model, atlas| {
+        let unit = model.points.iter().fold(0.0_f64, |it, point| it.max(point.abs().max_element()));
+        let in_space = |face: usize| model.faces[face].map(|at| model.points[at as usize] / unit);
+        let areas = |corners: &dyn Fn(usize) -> [DVec3; 3]| {
+            let areas =
+                (0..model.faces.len()).map(|face| 0.5 * area_vector(corners(face)).length());
+            areas.sum::<f64>()
+        };
+        let texel = (areas(&in_space) / areas(&|face| in_texels(atlas, face))).sqrt();
+        let assumed = (areas(&in_space) / COVERED).sqrt() / SIZE as f64;
+        let reach = reach(atlas.levels);
+        // Beside and above: faces are at most as far apart as their charts allow.
+        let most = 5_f64.sqrt() * reach * assumed.max(1.3 * texel);
+        for (one, other) in
+            (0..model.faces.len()).flat_map(|one| (0..model.faces.len()).map(move |it| (one, it)))
+        {
+            if atlas.chart_of[one] != atlas.chart_of[other]
+                || in_space(one).iter().any(|corner| in_space(other).contains(corner))
+            {
+                continue;
+            }
+            let to = in_texels(atlas, other);
+            for (at, corner) in in_texels(atlas, one).into_iter().zip(in_space(one)) {
+                let away = (to[0].min(to[1]).min(to[2]) - at).max(at - to[0].max(to[1]).max(to[2]));
+                if away.max_element() >= reach {
+                    continue;
+                }
+                let (weights, square) = nearest(to, at);
+                if square < (reach * reach) {
+                    let point: DVec3 = (0..3).map(|k| weights[k] * in_space(other)[k]).sum();
+                    let distance = corner.distance(point);
+                    assert!(distance <= most, "{name}: {one} {other}: {distance} and not {most}");
+                    pairs += 1;
+                }
+            }
+        }
+    });
+    assert!(pairs > 1000, "{pairs}");
 }
 
 #[test]
@@ -289,6 +350,31 @@ fn charts_are_few_and_cover_much() {
     assert!(charts <= 6 && share > 0.6, "{charts} {share}");
     let (charts, share) = covered(&sheet(4));
     assert!(charts == 1 && share > 0.9, "{charts} {share}");
+}
+
+#[test]
+fn thin_surfaces_are_as_long_as_the_texture() {
+    let needle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1e-7]];
+    // The box around both slivers is 10^12 times as large as they are.
+    let least = 1e-12;
+    let corner = [[0.0, 0.0], [1.0, 0.0], [least, least], [0.0, 1.0]];
+    for (points, faces) in
+        [(&needle[..], vec![[0, 1, 2]]), (&corner[..], vec![[0, 1, 2], [0, 2, 3]])]
+    {
+        let points = points.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect();
+        let model = Model { points, faces };
+        for size in [16, SIZE, 1 << 14] {
+            let atlas = made(&model, &AtlasOptions::new(size));
+            assert_eq!((atlas.charts, atlas.levels), (1, 0));
+            let [from, to] = [0, 1].map(|vertex| {
+                let row = atlas.vertices.iter().position(|it| *it == vertex).unwrap();
+                DVec3::new(atlas.coordinates[[row, 0]], atlas.coordinates[[row, 1]], 0.0)
+            });
+            // But for the gutters, and half of it where the longest side lies aslant.
+            let length = from.distance(to) * size as f64;
+            assert!(length > 0.45 * (size as f64 - 3.0), "{length}");
+        }
+    }
 }
 
 #[test]
