@@ -296,14 +296,12 @@ impl Faces {
 
 #[cfg(test)]
 mod tests {
-    use std::time::{Duration, Instant};
-
     use super::*;
     use crate::fixtures::sheet;
 
+    /// The sheet's chart has ten thousand small neighbours, each of which is offered to it.
     #[test]
-    fn small_charts_beside_a_large_one_take_no_time_for_each_of_its_faces() {
-        // A sheet with thorns, too steep for the sheet's chart.
+    fn thorns_that_a_sheet_is_too_flat_for_stay_charts_of_their_own() {
         let count = 160;
         let mut model = sheet(count);
         for (point, k) in model.points.iter_mut().zip(0..) {
@@ -313,18 +311,9 @@ mod tests {
         }
         let (positions, mesh) = (model.positions(), model.mesh());
         let placed = Placed::new("charts", &positions, &mesh).unwrap();
-        let mut least = [Duration::MAX; 2];
-        for _ in 0..2 {
-            let start = Instant::now();
-            let faces = Faces::new(&placed, &mesh);
-            least[0] = least[0].min(start.elapsed());
-            let start = Instant::now();
-            let charts = faces.charts(50_f64.to_radians().cos());
-            least[1] = least[1].min(start.elapsed());
-            let most = charts.iter().map(|chart| chart.faces.len()).max().unwrap();
-            assert!(charts.len() > 4000 && most > 30_000, "{} {most}", charts.len());
-        }
-        let share = least[1].as_secs_f64() / least[0].as_secs_f64();
-        assert!(share < 80.0, "{share} times as long as to read all faces");
+        let charts = Faces::new(&placed, &mesh).charts(50_f64.to_radians().cos());
+        let most = charts.iter().map(|chart| chart.faces.len()).max().unwrap();
+        assert!(charts.len() > 4000 && most > 30_000, "{} {most}", charts.len());
+        assert_eq!(charts.iter().map(|chart| chart.faces.len()).sum::<usize>(), mesh.faces().len());
     }
 }
