@@ -3,12 +3,15 @@
 //!
 //! # What silhouettes say
 //! The loss of masks moves outlines. Where a surface covers a pixel wholly there is none, whatever the mask says, and no
-//! hole would open; where nothing is drawn there is none either, and no handle would grow. So each point inside of a
-//! field that a view sees before its background adds `-f a^2 / N` to the view's part of masks, and each point outside
-//! adds `f a^2 / N` that lies before or behind a pixel of the mask at which nothing is drawn. `f` is the field
-//! in cells, an edge of the point's cell is `a` pixels long, and there are N pixels: so it is about the mean over the
-//! image of how much stands along a pixel's ray that should not, or might. It has a gradient by the field alone: where
-//! points are seen is taken as it is, with focal lengths of the file.
+//! hole would open. Where nothing is drawn there is none either, and no handle would grow. So points add to the loss of a
+//! view:
+//!
+//! - `-f a^2 / N`, where a point is inside and the view sees it before its background;
+//! - `f a^2 / N`, where a point is outside and its pixel is in the mask, and nothing is drawn there.
+//!
+//! `f` is the field in cells, an edge of the point's cell is `a` pixels long, and there are N pixels. So the sum is about
+//! the mean over the image of how much stands along a pixel's ray that should not, or might. It has a gradient by the
+//! field alone: where points are seen is taken as it is, with focal lengths of the file.
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::{FitError, Parameters};
