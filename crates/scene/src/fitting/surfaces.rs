@@ -34,8 +34,8 @@ impl Surface {
         }
         let surface = |(index, object): (usize, &Object)| {
             let has_shape = changed.iter().any(|(learnt, _)| *learnt == index);
-            let shape = has_shape.then(|| Shape::of(object));
-            let texture = TexturedSurface::of(object);
+            let shape = has_shape.then(|| Shape::from_object(object));
+            let texture = TexturedSurface::from_object(object);
             let is_changed = shape.is_some() || texture.is_some();
             is_changed.then(|| Self { object: object.name.clone(), shape, texture })
         };
@@ -72,7 +72,7 @@ impl Surface {
 }
 
 impl Shape {
-    fn of(Object { mesh, positions, colors, .. }: &Object) -> Self {
+    fn from_object(Object { mesh, positions, colors, .. }: &Object) -> Self {
         let colors = colors.as_ref().map_or(Vec::new(), |colors| rows(&colors.rows));
         Self { faces: mesh.faces().to_vec(), positions: rows(positions), colors }
     }
@@ -93,7 +93,7 @@ impl Shape {
 }
 
 impl TexturedSurface {
-    fn of(object: &Object) -> Option<Self> {
+    fn from_object(object: &Object) -> Option<Self> {
         let gutters = object.materials.first()?.texture.gutters.as_ref()?;
         let Attribute { rows: coordinates, indices } = object.coordinates.as_ref()?;
         let corners = indices.faces().to_vec();

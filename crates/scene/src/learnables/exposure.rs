@@ -15,7 +15,7 @@ use crate::scene::Scene;
 pub(crate) static EXPOSURE: Learnable = Learnable {
     start: |scene, _| match is_per_view(scene) {
         true => None,
-        false => Some(Tensor::scalar(of_all(scene) as f32)),
+        false => Some(Tensor::scalar(pipeline_exposure(scene) as f32)),
     },
     apply: |scene, _, stops, _| {
         scene.description.pipeline.exposure = Some(Finite(stops.item().into()));
@@ -33,7 +33,7 @@ pub(crate) static EXPOSURES: Learnable = Learnable {
             "`learn.exposure.per_view` compares two views that are learnt from, and there is 1";
         (is_per_view(scene) && scene.views_with_image(false).count() == 1).then(|| rule.to_owned())
     },
-    start: |scene, _| is_per_view(scene).then(|| of_views(scene).map(|stops| stops as f32)),
+    start: |scene, _| is_per_view(scene).then(|| view_exposures(scene).map(|stops| stops as f32)),
     apply: |scene, _, learnt, _| {
         let tape = Tape::<f64>::new();
         let learnt = tape.constant(&learnt.map(f64::from));
@@ -57,11 +57,11 @@ fn is_per_view(scene: &Scene) -> bool {
     scene.description.learn.exposure.as_ref().is_some_and(|exposure| exposure.per_view)
 }
 
-fn of_all(scene: &Scene) -> f64 {
+fn pipeline_exposure(scene: &Scene) -> f64 {
     scene.description.pipeline.exposure.map_or(0.0, |stops| stops.0)
 }
 
-fn of_views(scene: &Scene) -> Tensor<f64> {
+fn view_exposures(scene: &Scene) -> Tensor<f64> {
     Tensor::from_flat_fn([scene.views.len()], |view| scene.views[view].exposure)
 }
 
@@ -95,7 +95,7 @@ impl<'t> Values<'t, '_> {
         };
         let all = match scene.description.pipeline.exposure {
             None if self.learnt(&EXPOSURE, "").is_none() => None,
-            _ => Some(self.number(&EXPOSURE, "", of_all(scene))),
+            _ => Some(self.number(&EXPOSURE, "", pipeline_exposure(scene))),
         };
         Ok(match (all, own) {
             (Some(all), Some(own)) => Some(all.try_add(own)?),

@@ -2,16 +2,13 @@
 
 use std::f64::consts::TAU;
 use std::fs;
-use std::sync::Arc;
 
-use bokashi_core::parallel;
-use bokashi_fit::on_ranks;
 use bokashi_mesh::{Connectivity, signed_volume};
 use bokashi_scene::{Scene, SceneFit};
 use glam::DVec3;
 
 use crate::fits::{held_out, views};
-use crate::fixtures::load;
+use crate::fixtures::{bits, check_interruptions, end, load};
 use crate::rays::Ball;
 
 /// Balls that overlap in a ring around an axis that is none of the grid's.
@@ -69,54 +66,20 @@ const FIT: &str = "[learn.field]\ncells = 10\n[learn.vertices]\nsmoothing = 5.0\
                    [[stages]]\nsteps = 2\nviews_per_step = 3\nlearn = [\"vertices\", \"texture\"]\n\
                    texture = { size = 64 }\n";
 
-fn bits(fit: &SceneFit) -> Vec<u32> {
-    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
-    raw.map(f32::to_bits).collect()
-}
-
-fn end(mut fit: SceneFit) -> Vec<u32> {
-    fit.run(|_| ()).unwrap();
-    bits(&fit)
-}
-
 #[test]
 fn a_fit_of_a_field_has_the_same_bits_however_it_is_interrupted_or_shared() {
     let folder = tempfile::tempdir().unwrap();
     let text = BALL.to_owned() + FIT + &views(folder.path(), &ring(), 8, 9, 32);
-    // Written once: ranks read it at the same time.
-    let mut fit = SceneFit::new(load(folder.path(), &text)).unwrap();
-    let load = || Scene::load(folder.path().join("scene.toml")).unwrap();
-    let saved = folder.path().join("saved");
-    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
     let mut meshes = Vec::new();
-    loop {
+    check_interruptions(folder.path(), &text, |fit| {
         let object = fit.learnt().unwrap().objects.swap_remove(0);
         assert_eq!(object.coordinates.is_some(), fit.steps_done() > 9);
         meshes.push(object.mesh.faces().to_vec());
-        fit.save(&saved).unwrap();
-        let again = SceneFit::resume(load(), &saved).unwrap();
-        assert_eq!(again.changed(), [""; 0]);
-        assert_eq!(bits(&again), bits(&fit));
-        let [seen, expected] = [&again, &fit].map(|fit| fit.seen(0).unwrap().image);
-        assert_eq!(seen.data(), expected.data());
-        assert!(end(again) == whole, "interrupted after {} steps", fit.steps_done());
-        if fit.step().unwrap().is_none() {
-            break;
-        }
-    }
-    assert!(bits(&fit) == whole);
+    });
     let changes: Vec<_> = meshes.windows(2).map(|pair| pair[0] != pair[1]).collect();
     // A field's mesh may be another in each step; that of vertices is one until it is remeshed.
     assert!(changes[..5].iter().filter(|is_other| **is_other).count() >= 3, "{changes:?}");
     assert_eq!(changes[5..9], [false, false, true, false]);
-    for size in [2, 3] {
-        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
-        assert!(all.iter().all(|found| *found == whole), "{size} ranks");
-    }
-    for threads in [2, 3] {
-        let found = parallel::with_threads(threads, || end(SceneFit::new(load()).unwrap()));
-        assert!(found == whole, "{threads} threads");
-    }
 }
 
 #[test]

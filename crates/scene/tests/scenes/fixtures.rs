@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use bokashi_core::{Tape, Tensor};
+use bokashi_core::{Tape, Tensor, parallel};
+use bokashi_fit::on_ranks;
 use bokashi_scene::{Location, Picture, Renderer, Samples, Scene, SceneFit, Values};
 
 /// Columns and rows of all images here.
@@ -58,4 +59,53 @@ pub(crate) fn drawn(scene: Scene) -> Tensor<f32> {
     let values = Values { tape: &tape, learnt: None };
     let view = renderer.draw(&values, 0, 1, false).unwrap();
     renderer.image(&values, &view, 1).unwrap().value()
+}
+
+/// The bits of all that is learnt.
+pub(crate) fn bits(fit: &SceneFit) -> Vec<u32> {
+    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
+    raw.map(f32::to_bits).collect()
+}
+
+/// The bits of a fit at its end.
+pub(crate) fn end(mut fit: SceneFit) -> Vec<u32> {
+    fit.run(|_| ()).unwrap();
+    bits(&fit)
+}
+
+/// Checks that a fit of a scene has the same bits whenever it is saved and resumed, and shared by however many ranks
+/// and threads. `before_each` sees it before each step and at its end; the file "saved" then has it.
+pub(crate) fn check_interruptions(
+    folder: &Path,
+    text: &str,
+    mut before_each: impl FnMut(&SceneFit),
+) -> SceneFit {
+    // Written once: ranks read it at the same time.
+    let mut fit = SceneFit::new(load(folder, text)).unwrap();
+    let load = || Scene::load(folder.join("scene.toml")).unwrap();
+    let saved = folder.join("saved");
+    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
+    loop {
+        before_each(&fit);
+        fit.save(&saved).unwrap();
+        let again = SceneFit::resume(load(), &saved).unwrap();
+        assert_eq!(again.changed(), [""; 0]);
+        assert!(bits(&again) == bits(&fit));
+        let [seen, expected] = [&again, &fit].map(|fit| fit.seen(0).unwrap().image);
+        assert!(seen.data() == expected.data());
+        assert!(end(again) == whole, "interrupted after {} steps", fit.steps_done());
+        if fit.step().unwrap().is_none() {
+            break;
+        }
+    }
+    assert!(bits(&fit) == whole);
+    for size in [2, 3] {
+        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
+        assert!(all.iter().all(|found| *found == whole), "{size} ranks");
+    }
+    for threads in [2, 3] {
+        let found = parallel::with_threads(threads, || end(SceneFit::new(load()).unwrap()));
+        assert!(found == whole, "{threads} threads");
+    }
+    fit
 }

@@ -3,17 +3,15 @@
 use std::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
-use bokashi_core::{Tensor, parallel};
-use bokashi_fit::on_ranks;
+use bokashi_core::Tensor;
 use bokashi_mesh::{Connectivity, self_intersections, signed_volume};
 use bokashi_render_ops::Mesh;
 use bokashi_scene::{Attribute, Location, Object, Picture, Samples, Scene, SceneFit};
 use glam::DVec3;
 
 use crate::fits::{ANGLE, views};
-use crate::fixtures::load;
+use crate::fixtures::{check_interruptions, load};
 use crate::rays::{Ball, Eye, photograph};
 
 /// Balls that overlap in a ring around z.
@@ -170,50 +168,18 @@ const FIT: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 500\nmaterial = { verte
                    [[stages]]\nsteps = 4\nviews_per_step = 3\n\
                    remesh = { length = 0.1 }\n";
 
-pub(crate) fn bits(fit: &SceneFit) -> Vec<u32> {
-    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
-    raw.map(f32::to_bits).collect()
-}
-
-pub(crate) fn end(mut fit: SceneFit) -> Vec<u32> {
-    fit.run(|_| ()).unwrap();
-    bits(&fit)
-}
-
 #[test]
 fn a_fit_whose_mesh_changes_has_the_same_bits_however_it_is_interrupted_or_shared() {
     let folder = tempfile::tempdir().unwrap();
     let text = photographs(folder.path(), 8, 9, 32);
-    // Written once: ranks read it at the same time.
-    let mut fit = SceneFit::new(load(folder.path(), &(FIT.to_owned() + &text))).unwrap();
-    let load = || Scene::load(folder.path().join("scene.toml")).unwrap();
-    let saved = folder.path().join("saved");
-    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
     let mut counts = Vec::new();
-    loop {
+    check_interruptions(folder.path(), &(FIT.to_owned() + &text), |fit| {
         counts.push(fit.scene().objects[0].mesh.faces().len());
-        fit.save(&saved).unwrap();
-        let again = SceneFit::resume(load(), &saved).unwrap();
-        assert_eq!(again.changed(), [""; 0]);
-        assert_eq!(bits(&again), bits(&fit));
-        assert!(end(again) == whole, "interrupted after {} steps", fit.steps_done());
-        if fit.step().unwrap().is_none() {
-            break;
-        }
-    }
-    assert!(bits(&fit) == whole);
+    });
     // Steps 0, 2 and 3 changed the mesh.
     let changes: Vec<_> = counts.windows(2).map(|pair| pair[0] != pair[1]).collect();
     assert_eq!(changes[..4], [true, false, true, true], "{counts:?}");
     assert_eq!(changes[4..], [false; 3], "{counts:?}");
-    for size in [2, 3] {
-        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
-        assert!(all.iter().all(|found| *found == whole), "{size} ranks");
-    }
-    for threads in [2, 3] {
-        let found = parallel::with_threads(threads, || end(SceneFit::new(load()).unwrap()));
-        assert!(found == whole, "{threads} threads");
-    }
 }
 
 #[test]

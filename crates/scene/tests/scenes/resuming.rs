@@ -7,6 +7,8 @@ use std::path::Path;
 use bokashi_scene::{Location, Picture, Samples, Scene, SceneFit, description};
 use serde_json::Value;
 
+use crate::fixtures::bits;
+
 /// A scene that learns as much as a small one can, with each key of what is learnt, how, and how long.
 const SCENE: &str = r#"seed = 1
 [[meshes]]
@@ -114,11 +116,6 @@ fn advance(fit: &mut SceneFit, steps: u64) {
 fn end(mut fit: SceneFit) -> (u64, Option<String>, Vec<u32>) {
     fit.run(|_| ()).unwrap();
     (fit.steps_done(), fit.ended(), bits(&fit))
-}
-
-fn bits(fit: &SceneFit) -> Vec<u32> {
-    let raw = fit.parameters().iter().flat_map(|parameter| parameter.raw().data().to_vec());
-    raw.map(f32::to_bits).collect()
 }
 
 #[test]

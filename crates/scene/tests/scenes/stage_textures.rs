@@ -1,15 +1,11 @@
 //! Meshes that get a texture in the middle of a fit.
 
-use std::sync::Arc;
-
-use bokashi_core::parallel;
-use bokashi_fit::on_ranks;
 use bokashi_scene::{Folder, Scene, SceneFit, read_model};
 use glam::DVec3;
 
 use crate::fits::{fitted, held_out, views};
-use crate::fixtures::load;
-use crate::hulls::{bits, end, photographs};
+use crate::fixtures::{check_interruptions, end, load};
+use crate::hulls::photographs;
 use crate::rays::Ball;
 
 /// A ring whose mesh changes, and which gets a texture then.
@@ -32,30 +28,13 @@ fn names(fit: &SceneFit) -> Vec<&str> {
 fn a_fit_whose_mesh_gets_a_texture_has_the_same_bits_however_it_is_interrupted_or_shared() {
     let folder = tempfile::tempdir().unwrap();
     let text = photographs(folder.path(), 8, 9, 32);
-    let mut fit = SceneFit::new(load(folder.path(), &(FIT.to_owned() + &text))).unwrap();
-    let load = || Scene::load(folder.path().join("scene.toml")).unwrap();
-    let saved = folder.path().join("saved");
-    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
-    loop {
+    let fit = check_interruptions(folder.path(), &(FIT.to_owned() + &text), |fit| {
         let done = fit.steps_done();
         let own = if done > 3 { "texture/hull" } else { "colors/hull" };
-        assert_eq!(names(&fit), ["vertices/hull", own, "pose/hull", "cameras"], "{done}");
-        fit.save(&saved).unwrap();
-        let again = SceneFit::resume(load(), &saved).unwrap();
-        assert_eq!(again.changed(), [""; 0]);
-        assert!(bits(&again) == bits(&fit), "{done}");
-        assert!(end(again) == whole, "interrupted after {done} steps");
-        if fit.step().unwrap().is_none() {
-            break;
-        }
-    }
-    assert!(bits(&fit) == whole);
-    for size in [2, 3] {
-        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
-        assert!(all.iter().all(|found| *found == whole), "{size} ranks");
-    }
-    let found = parallel::with_threads(3, || end(SceneFit::new(load()).unwrap()));
-    assert!(found == whole);
+        assert_eq!(names(fit), ["vertices/hull", own, "pose/hull", "cameras"], "{done}");
+    });
+    let load = || Scene::load(folder.path().join("scene.toml")).unwrap();
+    let saved = folder.path().join("saved");
     // What is drawn of a fit that was resumed is what is drawn of one that was not.
     let learnt = |fit: &SceneFit| fit.learnt().unwrap().objects[0].clone();
     let [one, other] = [&fit, &SceneFit::resume(load(), &saved).unwrap()].map(learnt);
