@@ -33,6 +33,11 @@ impl Bounds {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
 
+    /// Whether no point lies within.
+    fn is_empty(&self) -> bool {
+        self.low.cmpgt(self.high).any()
+    }
+
     fn has(&self, other: &Self) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
@@ -71,13 +76,15 @@ type Leaf = SmallVec<[(Bounds, u32); PER_LEAF]>;
 pub(crate) struct BoxTree {
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
-    /// Per item the node of its leaf.
+    /// Per item the node of its leaf; `NONE` where its box was empty when the tree was made.
     nodes_of: Vec<u32>,
 }
 
 impl BoxTree {
+    /// Items whose boxes are empty are left out for good.
     pub(crate) fn new(bounds: &[Bounds]) -> Self {
-        let mut items: Vec<(Bounds, u32)> = bounds.iter().copied().zip(0..).collect();
+        let items = bounds.iter().copied().zip(0..);
+        let mut items: Vec<(Bounds, u32)> = items.filter(|it| !it.0.is_empty()).collect();
         let root = Node { bounds: Bounds::NOTHING, parent: NONE, below: NONE, is_leaf: false };
         let mut tree =
             Self { nodes: vec![root], leaves: Vec::new(), nodes_of: vec![NONE; bounds.len()] };
@@ -119,6 +126,9 @@ impl BoxTree {
 
     /// Gives an item another box.
     pub(crate) fn change(&mut self, item: u32, bounds: Bounds) {
+        if self.nodes_of[item as usize] == NONE {
+            return;
+        }
         let found = self.leaf_of(item).iter_mut().find(|it| it.1 == item);
         found.into_iter().for_each(|it| it.0 = bounds);
         let mut node = self.nodes_of[item as usize];

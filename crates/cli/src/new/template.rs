@@ -15,8 +15,6 @@ const ANGLE: f64 = 40.0;
 const DISTANCE: f64 = 3.5;
 /// The share of what all cameras see that a sphere takes to start from.
 const SPHERE: f64 = 0.5;
-/// So many views are worth holding out each of so many.
-const HELD_OUT: usize = 8;
 /// The views of a step.
 const VIEWS: usize = 4;
 /// Images are made smaller at first, where they are longer.
@@ -128,8 +126,10 @@ impl Template<'_> {
             self.pipeline(),
             self.learn(),
             self.loss(),
+            self.stop().to_owned(),
             self.steps(),
         ];
+        let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         parts.join("\n")
     }
 
@@ -204,7 +204,7 @@ impl Template<'_> {
             toml += &format!("masks = {}\n", text(&photographs.mask_folder));
         }
         toml += "# Each so many-th view is measured and never learnt from.\n";
-        toml += match photographs.images.len() >= HELD_OUT {
+        toml += match photographs.has_held_out() {
             true => "held_out_every = 8\n",
             false => "# held_out_every = 8\n",
         };
@@ -307,6 +307,20 @@ impl Template<'_> {
         toml
     }
 
+    /// Whether held-out views say when a stage ends.
+    fn ends_by_held_out(&self) -> bool {
+        self.starts_from_hull() && self.photographs.is_some_and(Photographs::has_held_out)
+    }
+
+    fn stop(&self) -> &str {
+        if !self.ends_by_held_out() {
+            return "";
+        }
+        "# A stage ends before its last step once held-out views become no better: `patience` measures in turn, one\n\
+         # after `every` so many steps, were not better by `gain` decibels than the best before.\n\
+         [stop]\nheld_out = { every = 50, patience = 2, gain = 0.05 }\n"
+    }
+
     /// The stages of a fit from a hull: the shape roughly, then finely, and then a texture.
     fn stages_from_hull(&self, photographs: &Photographs) -> String {
         let (fine, views) = (reduce(&photographs.sizes), photographs.images.len().min(VIEWS));
@@ -324,6 +338,7 @@ impl Template<'_> {
             true => ("learn = [\"vertices\", \"colors\"]\n", "[\"texture\", \"cameras\"]"),
             false => ("", "[\"texture\"]"),
         };
+        let [second, third] = if self.ends_by_held_out() { [600, 300] } else { [300, 150] };
         let alone = if self.has_rough_cameras { "and cameras" } else { "alone" };
         format!(
             "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
@@ -331,11 +346,11 @@ impl Template<'_> {
              [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
              {first}remesh = {{ length = {}, every = 50 }}\n\n\
              # Then all of it.{smaller}\n\
-             [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
+             [[stages]]\nsteps = {second}\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
              # At last colours {alone}, in a texture that begins as those at vertices. More texels than pixels that see\n\
              # the object show no more.\n\
-             [[stages]]\nsteps = 150\nreduce = {fine}\nviews_per_step = {views}\n\
+             [[stages]]\nsteps = {third}\nreduce = {fine}\nviews_per_step = {views}\n\
              texture = {{ size = {} }}\nlearn = {last}\n",
             number(length(coarse)),
             number(length(fine)),

@@ -68,6 +68,8 @@ pub(super) struct Changing<'a> {
     pub(super) live: usize,
     /// The boxes of the faces, if they are kept apart.
     pub(super) tree: Option<BoxTree>,
+    /// The number of faces when the tree was made.
+    planted: usize,
 }
 
 impl<'a> Changing<'a> {
@@ -105,6 +107,7 @@ impl<'a> Changing<'a> {
             faces: faces.to_vec(),
             live: faces.len(),
             tree: None,
+            planted: 0,
             surface,
         }
     }
@@ -268,6 +271,10 @@ impl<'a> Changing<'a> {
             self.place(kept, site, point);
         }
         self.note(kept);
+        // Boxes of nodes only grow: those around the few large faces that are left would all meet.
+        if self.tree.is_some() && 2 * self.live < self.planted {
+            self.plant();
+        }
     }
 
     /// Turns an edge of two faces within them. Those across must not be neighbours yet.
@@ -307,6 +314,7 @@ impl<'a> Changing<'a> {
         };
         let bounds: Vec<_> = self.faces.iter().map(bounds).collect();
         self.tree = Some(BoxTree::new(&bounds));
+        self.planted = self.live;
     }
 }
 

@@ -18,7 +18,8 @@
 //! - The sides of faces: no change turns a normal by more than 45 degrees, or makes a sliver of better faces.
 //! - With [`keeps_apart`](RemeshOptions::keeps_apart) no change lets more faces cross than before.
 //!
-//! Work is done one edge after another, in the order of lengths and indices, on one thread.
+//! Work is done one edge after another, in the order of lengths and indices, on one thread. Of edges to
+//! collapse that are shorter than a quarter, powers of two of their lengths count.
 //!
 //! # Source
 //! Botsch and Kobbelt, *A Remeshing Approach to Multiresolution Modeling*, SGP 2004; lengths per vertex as in

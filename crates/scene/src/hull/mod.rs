@@ -15,6 +15,7 @@
 
 mod field;
 mod silhouette;
+mod webs;
 
 use bokashi_core::Tensor;
 use bokashi_core::parallel::for_each_item_mut;
@@ -26,7 +27,8 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use self::field::{agreed, sampled, smoothed};
-use self::silhouette::Silhouette;
+use self::silhouette::{Blocks, Silhouette};
+use self::webs::{webs, without};
 use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::gaze::gaze_of_most;
@@ -42,6 +44,8 @@ const CELLS: [usize; 3] = [40, 64, 128];
 const WORTH: f64 = 0.02;
 /// Cells of the finest grid, of which there are some thrice as many at the surface along a side as edges of faces.
 const CELLS_PER_FACE: f64 = 9.0;
+/// The least width of a cell in pixels, where the hull is seen.
+const CELL_IN_PIXELS: f64 = 0.5;
 /// Where views barely agree, a hull has sheets and gaps thinner than a cell, which would be a net of handles.
 const SMOOTHINGS: usize = 2;
 /// How far from the hull a point may be, in cells, whose neighbour may be inside: distances of images change faster
@@ -178,27 +182,39 @@ impl Hull {
     /// None: those of a grid that numbers of `f32` do not tell apart.
     fn surface(&self, most: usize, faces: usize) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
         let Some(extent) = self.extent(most)? else { return Ok(None) };
-        let [.., rough, finest] = CELLS;
-        // A face of the hull is some cells wide.
-        let fine = ((CELLS_PER_FACE * faces as f64).sqrt().ceil() as usize).clamp(rough, finest);
         // 0, 1, 2, 4, 8 ..: a hull grows with the number.
         let doubled = std::iter::successors(Some(1), |count| Some(2 * count));
-        let mut best = (0, f64::NEG_INFINITY);
-        let grid = around(extent, rough)?;
+        let rough = around(extent, CELLS[1])?;
+        let blocks = self.silhouettes.iter().map(|it| it.blocks(self.middle, rough.spacing()));
+        let blocks: Vec<_> = blocks.collect();
+        let mut best = (0, f64::NEG_INFINITY, Vec::new());
         for left_out in std::iter::once(0).chain(doubled).take_while(|&count| count <= most) {
-            let overlap = self.overlap(&grid, &self.values(&grid, extent, left_out));
+            let values = self.values(&rough, extent, left_out);
+            let overlap = self.overlap(&rough, &values, &blocks);
             if overlap > best.1 + WORTH {
-                best = (left_out, overlap);
+                best = (left_out, overlap, values);
             }
         }
-        let grid = around(extent, fine)?;
-        let mut values = self.values(&grid, extent, best.0);
-        for _ in 0..SMOOTHINGS {
-            values = smoothed(&grid, values);
-        }
-        let values = Tensor::new(grid.shape(), values).map_err(MeshError::from)?;
-        let (positions, mesh) = extract_surface(&values, None, &grid)?;
-        Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
+        let grid = around(extent, self.finest(extent, faces))?;
+        let values = self.values(&grid, extent, best.0);
+        let with_webs = surface_of(&grid, values.clone())?;
+        let Some(webs) = webs(&rough, &best.2, self.middle, &blocks) else { return Ok(with_webs) };
+        let without = surface_of(&grid, without(&webs, &rough, &grid, &values))?;
+        // Otherwise they are rounded edges, which outlines between views might have shown.
+        let handles = |it: &Option<(Tensor<f32>, Mesh)>| it.as_ref().map(|it| handles(&it.1));
+        let is_simpler = without.is_some() && handles(&without) < handles(&with_webs);
+        Ok(if is_simpler { without } else { with_webs })
+    }
+
+    /// How many cells the finest grid has along its longest side: a face of the hull is some cells wide, and a cell
+    /// half a pixel at least.
+    fn finest(&self, [low, high]: Extent, faces: usize) -> usize {
+        let pixel = self.silhouettes.iter().map(|it| it.unit(self.middle));
+        let pixel = pixel.fold(f64::INFINITY, f64::min);
+        let most = (high - low).max_element() / (CELL_IN_PIXELS * pixel);
+        let [least, .., finest] = CELLS;
+        let cells = (CELLS_PER_FACE * faces as f64).sqrt().min(most).ceil() as usize;
+        cells.clamp(least, finest)
     }
 
     /// A box that the hull lies in, with so many views left out; `None` where there is none.
@@ -222,13 +238,13 @@ impl Hull {
 
     /// How alike the masks and the images of the hull with these values are: the mean over all views of the share
     /// that both cover of what one of them covers.
-    fn overlap(&self, grid: &Grid, values: &[f32]) -> f64 {
+    fn overlap(&self, grid: &Grid, values: &[f32], blocks: &[Blocks]) -> f64 {
         let inside = (0..).zip(values).filter(|(_, value)| **value < 0.0);
         let points = inside.map(|(point, _)| self.middle + DVec3::from(grid.position(point)));
         let points: Vec<_> = points.collect();
         let mut shares = vec![0.0; self.silhouettes.len()];
         for_each_item_mut(&mut shares, |view, share| {
-            *share = self.silhouettes[view].overlap(&points, self.middle, grid.spacing());
+            *share = self.silhouettes[view].overlap(&points, &blocks[view]);
         });
         shares.iter().sum::<f64>() / shares.len() as f64
     }
@@ -257,6 +273,20 @@ impl Hull {
         });
         steepness.fold(1.0, f64::max)
     }
+}
+
+/// The surface of a field, smoothed.
+fn surface_of(grid: &Grid, values: Vec<f32>) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
+    let values = (0..SMOOTHINGS).fold(values, |values, _| smoothed(grid, values));
+    let values = Tensor::new(grid.shape(), values).map_err(MeshError::from)?;
+    let (positions, mesh) = extract_surface(&values, None, grid)?;
+    Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
+}
+
+/// How many handles the parts of a closed surface have.
+fn handles(mesh: &Mesh) -> i64 {
+    let connectivity = Connectivity::new(mesh);
+    connectivity.parts() as i64 - connectivity.euler_characteristic() / 2
 }
 
 /// The grid around a box with so many cells along its longest side.

@@ -55,30 +55,30 @@ impl Silhouette {
         move |point| Some(unit * self.distance_at(pixels(point)?)?)
     }
 
-    /// Of the mask and the image of `points`, which stand `spacing` apart around `middle`: the share that both cover of
-    /// what one of them covers. Both cover a block of pixels, as wide as the points are apart, where they cover some of it.
-    pub(super) fn overlap(&self, points: &[DVec3], middle: DVec3, spacing: f64) -> f64 {
-        let [width, height] = [self.camera.size.width, self.camera.size.height];
+    /// The blocks of pixels that points of a grid are seen in, which stand `spacing` apart around `middle`.
+    pub(super) fn blocks(&self, middle: DVec3, spacing: f64) -> Blocks {
         let side = (WIDER * spacing / self.unit(middle)).ceil().max(1.0) as usize;
-        let [columns, rows] = [width, height].map(|extent| extent.div_ceil(side));
-        let mut blocks = vec![[false; 2]; columns * rows];
+        Blocks { camera: self.camera, side }
+    }
+
+    /// Of the mask and the image of `points` that are seen in these blocks: the share that both cover of what one of them
+    /// covers. Both cover a block where they cover some of it.
+    pub(super) fn overlap(&self, points: &[DVec3], blocks: &Blocks) -> f64 {
+        let mut covered = vec![[false; 2]; blocks.count()];
+        let width = self.camera.size.width;
         for (k, _) in self.distances.iter().enumerate().filter(|(_, distance)| **distance < 0.0) {
-            blocks[k / width / side * columns + k % width / side][0] = true;
+            covered[blocks.at(k % width, k / width)][0] = true;
         }
-        let pixels = self.camera.pixels();
-        for pixel in points.iter().filter_map(|&point| pixels(point)) {
-            let pixel = (pixel + HALF).floor();
-            if (0.0..width as f64).contains(&pixel.x) && (0.0..height as f64).contains(&pixel.y) {
-                let [column, row] = [pixel.x, pixel.y].map(|x| x as usize / side);
-                blocks[row * columns + column][1] = true;
-            }
+        let block = blocks.finder();
+        for block in points.iter().filter_map(|&point| block(point)) {
+            covered[block][1] = true;
         }
-        let count = |is_one: fn(&[bool; 2]) -> bool| blocks.iter().filter(|b| is_one(b)).count();
+        let count = |is_one: fn(&[bool; 2]) -> bool| covered.iter().filter(|b| is_one(b)).count();
         count(|[a, b]| *a && *b) as f64 / count(|[a, b]| *a || *b).max(1) as f64
     }
 
     /// The width of a pixel at a place of the world.
-    fn unit(&self, place: DVec3) -> f64 {
+    pub(super) fn unit(&self, place: DVec3) -> f64 {
         let [fx, fy, ..] = self.camera.intrinsics;
         self.camera.view.transform_point3(place).length() / (fx * fy).abs().sqrt()
     }
@@ -100,6 +100,41 @@ impl Silhouette {
             true => Some(distance),
             false => (distance > 0.0).then_some(distance + beyond),
         }
+    }
+}
+
+/// An image in square blocks of pixels, so wide that none inside of a grid's image is without a point.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    camera: Camera,
+    /// Pixels along a side.
+    side: usize,
+}
+
+impl Blocks {
+    fn columns(&self) -> usize {
+        self.camera.size.width.div_ceil(self.side)
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.columns() * self.camera.size.height.div_ceil(self.side)
+    }
+
+    /// The block that a point of the world is seen in; `None` where the image does not show it.
+    pub(super) fn finder(&self) -> impl Fn(DVec3) -> Option<usize> {
+        let size = [self.camera.size.width, self.camera.size.height].map(|extent| extent as f64);
+        let pixels = self.camera.pixels();
+        move |point| {
+            let pixel = (pixels(point)? + HALF).floor();
+            let is_shown = (0.0..size[0]).contains(&pixel.x) && (0.0..size[1]).contains(&pixel.y);
+            is_shown.then(|| self.at(pixel.x as usize, pixel.y as usize))
+        }
+    }
+
+    /// The block of a pixel.
+    fn at(&self, column: usize, row: usize) -> usize {
+        row / self.side * self.columns() + column / self.side
     }
 }
 

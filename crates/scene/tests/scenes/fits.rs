@@ -33,9 +33,20 @@ pub(crate) fn views(
     every: usize,
     pixels: usize,
 ) -> String {
+    views_from(folder, balls, all_over(count), every, pixels)
+}
+
+/// The same from these directions.
+pub(crate) fn views_from(
+    folder: &Path,
+    balls: &[Ball],
+    towards: impl Iterator<Item = DVec3>,
+    every: usize,
+    pixels: usize,
+) -> String {
     let mut text = String::new();
     fs::create_dir_all(folder.join("images")).unwrap();
-    for (k, towards) in all_over(count).enumerate() {
+    for (k, towards) in towards.enumerate() {
         let eye = Eye { position: 4.0 * towards, angle: ANGLE, pixels };
         let file = format!("images/{k}.png");
         fs::write(folder.join(&file), photograph(balls, &eye)).unwrap();

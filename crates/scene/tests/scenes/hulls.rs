@@ -10,7 +10,7 @@ use bokashi_render_ops::Mesh;
 use bokashi_scene::{Attribute, Location, Object, Picture, Samples, Scene, SceneFit};
 use glam::DVec3;
 
-use crate::fits::{ANGLE, views};
+use crate::fits::{ANGLE, views, views_from};
 use crate::fixtures::{check_interruptions, load};
 use crate::rays::{Ball, Eye, photograph};
 
@@ -22,6 +22,9 @@ fn ring() -> Vec<Ball> {
     };
     (0..16).map(|k| Ball::motley(center(k), 0.3)).collect()
 }
+
+/// The angle of lines through a hole with its axis.
+const TILT: f64 = 0.3;
 
 const HULL: &str = "[[meshes]]\nshape = \"hull\"\nfaces = 1500\n\
                     material = { vertex_colors = true }\n";
@@ -57,6 +60,26 @@ fn a_hull_of_a_ring_is_closed_and_has_a_hole() {
         let outside = outside.fold(f64::INFINITY, f64::min);
         assert!((-0.04..0.15).contains(&outside), "{outside} at {point}");
     }
+}
+
+/// Between the lines there is something, for all that silhouettes say.
+#[test]
+fn a_hole_that_is_seen_through_along_crossing_lines_is_one_hole() {
+    let folder = tempfile::tempdir().unwrap();
+    let tube = [-0.6, -0.2, 0.2, 0.6].into_iter().flat_map(|z| {
+        ring().into_iter().map(move |ball| Ball::motley(ball.center + z * DVec3::Z, 0.3))
+    });
+    let tube: Vec<_> = tube.collect();
+    let beside = (0..12).map(|k| {
+        let angle = TAU * k as f64 / 12.0;
+        DVec3::new(angle.cos(), angle.sin(), 0.3 * (3.0 * angle).sin()).normalize()
+    });
+    let through = [-TILT, TILT].map(|tilt: f64| DVec3::new(tilt.sin(), 0.0, tilt.cos()));
+    let text = views_from(folder.path(), &tube, beside.chain(through), 99, 64);
+    let scene = load(folder.path(), &(HULL.to_owned() + &text));
+    let all = connectivity(&scene.objects[0]);
+    assert!(all.is_closed() && all.is_manifold());
+    assert_eq!((all.parts(), all.euler_characteristic()), (1, 0));
 }
 
 #[test]

@@ -202,7 +202,7 @@ fn a_reconstruction_of_colmap_is_taken_as_it_lies() {
         write(folder, &format!("in/{model}/images.txt"), shots);
         write(folder, &format!("in/{model}/points3D.txt"), "");
         for name in ["a", "b"] {
-            write(folder, &format!("in/{images}{name}.png"), disk(32, 32, 4));
+            write(folder, &format!("in/{images}{name}.png"), disk(32, 32, 3));
         }
         said(folder, &["new", "a", "--images", "in"]);
         let fit = step(folder, "a/scene.toml");
