@@ -7,8 +7,8 @@
 //! is taken whose images overlap with them most.
 //!
 //! # Errors
-//! A hull is never smaller than the object, but for views that are wrong. Hollows that no silhouette shows are filled. Things
-//! thinner than a cell of the grid may be cut.
+//! A hull is never smaller than the object, but for views that are wrong and, where [webs] go, at its edges, by a few
+//! cells of the middle grid. Hollows that no silhouette shows are filled. Things thinner than a cell may be cut.
 //!
 //! # Source
 //! Laurentini, *The visual hull concept for silhouette-based image understanding*, IEEE PAMI 16(2), 1994.

@@ -20,6 +20,7 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
     assert!(stages.last().is_some_and(|stage| stage.texture.is_some()));
     assert_eq!(scene.description.loss.silhouette.unwrap().0, 1.0);
     assert_eq!(scene.views.iter().filter(|view| view.held_out).count(), 2);
+    assert!(scene.description.stop.held_out.is_some());
     // Where the object is, and seen whole.
     let (center, _) = scene.ball();
     assert!(center.distance(DVec3::new(2.0, 1.0, 0.0)) < 0.2, "{center}");
