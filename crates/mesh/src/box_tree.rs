@@ -142,7 +142,7 @@ impl BoxTree {
         }
     }
 
-    /// Adds the next item to the leaf of `other`, which lies nearby.
+    /// Adds the next item to the leaf of `other`, which lies nearby and was not left out.
     pub(crate) fn add_beside(&mut self, other: u32, bounds: Bounds) {
         let item = self.nodes_of.len() as u32;
         self.nodes_of.push(self.nodes_of[other as usize]);
@@ -272,6 +272,16 @@ mod tests {
                 tree.add_beside(k as u32, boxes[boxes.len() - 1]);
             }
         }
+    }
+
+    #[test]
+    fn items_without_a_box_are_left_out_for_good() {
+        let boxes: Vec<_> =
+            (0..50).map(|k| if k % 3 == 0 { Bounds::around(&[]) } else { cell(k) }).collect();
+        let mut tree = BoxTree::new(&boxes);
+        tree.change(3, cell(3));
+        let all = Bounds { low: DVec3::splat(-1.0), high: DVec3::splat(99.0) };
+        assert_eq!(near(&tree, &all), (0..50).filter(|k| k % 3 != 0).collect::<Vec<_>>());
     }
 
     #[test]

@@ -31,7 +31,7 @@ const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", 
 /// Folders beside photographs that have none. Others are nerfstudio's `images_2` and so on, the same photographs
 /// made smaller.
 const ELSEWHERE: [&str; 4] = ["masks", "sparse", "colmap", "stereo"];
-/// So many views are worth holding out each of so many.
+/// With fewer images none is held out.
 const HELD_OUT: usize = 8;
 /// Names that a note has; others are counted.
 const NAMED: usize = 3;
@@ -194,7 +194,7 @@ impl Photographs {
         self.masks.is_some() || self.has_named_masks || self.has_opacity
     }
 
-    /// Whether there are so many that each of so many is worth holding out.
+    /// Whether there are enough images to hold some out.
     pub(super) fn has_held_out(&self) -> bool {
         self.images.len() >= HELD_OUT
     }

@@ -126,10 +126,8 @@ impl Template<'_> {
             self.pipeline(),
             self.learn(),
             self.loss(),
-            self.stop().to_owned(),
             self.steps(),
         ];
-        let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         parts.join("\n")
     }
 
@@ -307,18 +305,14 @@ impl Template<'_> {
         toml
     }
 
-    /// Whether held-out views say when a stage ends.
-    fn ends_by_held_out(&self) -> bool {
-        self.starts_from_hull() && self.photographs.is_some_and(Photographs::has_held_out)
-    }
-
-    fn stop(&self) -> &str {
-        if !self.ends_by_held_out() {
+    /// The rule by which held-out views end stages. Where cameras are learnt, each measure would have to align these first.
+    fn stop(&self, photographs: &Photographs) -> &str {
+        if !photographs.has_held_out() || self.has_rough_cameras {
             return "";
         }
-        "# A stage ends before its last step once held-out views become no better: `patience` measures in turn, one\n\
-         # after `every` so many steps, were not better by `gain` decibels than the best before.\n\
-         [stop]\nheld_out = { every = 50, patience = 2, gain = 0.05 }\n"
+        "# After `every` so many steps held-out views are measured. A stage ends before its last step once `patience`\n\
+         # measures in turn were not better by `gain` decibels. Leave this out where no view is held out.\n\
+         [stop]\nheld_out = { every = 50, patience = 3, gain = 0.05 }\n\n"
     }
 
     /// The stages of a fit from a hull: the shape roughly, then finely, and then a texture.
@@ -338,20 +332,20 @@ impl Template<'_> {
             true => ("learn = [\"vertices\", \"colors\"]\n", "[\"texture\", \"cameras\"]"),
             false => ("", "[\"texture\"]"),
         };
-        let [second, third] = if self.ends_by_held_out() { [600, 300] } else { [300, 150] };
         let alone = if self.has_rough_cameras { "and cameras" } else { "alone" };
         format!(
-            "# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
+            "{}# First the shape, with small images and long edges. `remesh` gives the mesh even faces again, now and\n\
              # then: `length` is that of edges, as a share of the object's radius. Shorter, with more steps, shows more.\n\
              [[stages]]\nsteps = 200\nreduce = {coarse}\nviews_per_step = {views}\n\
              {first}remesh = {{ length = {}, every = 50 }}\n\n\
              # Then all of it.{smaller}\n\
-             [[stages]]\nsteps = {second}\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
+             [[stages]]\nsteps = 600\nreduce = {fine}\nviews_per_step = {views}\nrates = 0.5\n\
              remesh = {{ length = {}, every = 100 }}\n\n\
              # At last colours {alone}, in a texture that begins as those at vertices. More texels than pixels that see\n\
              # the object show no more.\n\
-             [[stages]]\nsteps = {third}\nreduce = {fine}\nviews_per_step = {views}\n\
+             [[stages]]\nsteps = 300\nreduce = {fine}\nviews_per_step = {views}\n\
              texture = {{ size = {} }}\nlearn = {last}\n",
+            self.stop(photographs),
             number(length(coarse)),
             number(length(fine)),
             (longest / fine).next_power_of_two().clamp(128, 2048)

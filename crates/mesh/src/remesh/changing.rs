@@ -68,7 +68,7 @@ pub(super) struct Changing<'a> {
     pub(super) live: usize,
     /// The boxes of the faces, if they are kept apart.
     pub(super) tree: Option<BoxTree>,
-    /// The number of faces when the tree was made.
+    /// The number of faces that were not gone when the tree was made.
     planted: usize,
 }
 

@@ -7,8 +7,9 @@
 //! is taken whose images overlap with them most.
 //!
 //! # Errors
-//! A hull is never smaller than the object, but for views that are wrong and, where [webs] go, at its edges, by a few
-//! cells of the middle grid. Hollows that no silhouette shows are filled. Things thinner than a cell may be cut.
+//! Views that are wrong aside, a hull is never smaller than the object but where [`webs`] are taken away: there edges
+//! are rounder, and a real thin part goes that no silhouette shows by itself. Hollows that no silhouette shows are
+//! filled. Things thinner than a cell of the grid may be cut.
 //!
 //! # Source
 //! Laurentini, *The visual hull concept for silhouette-based image understanding*, IEEE PAMI 16(2), 1994.
@@ -28,7 +29,7 @@ use smallvec::SmallVec;
 
 use self::field::{agreed, sampled, smoothed};
 use self::silhouette::{Blocks, Silhouette};
-use self::webs::{webs, without};
+use self::webs::{find_webs, values_without};
 use crate::error::{Location, SceneError};
 use crate::folder::Folder;
 use crate::gaze::gaze_of_most;
@@ -38,13 +39,14 @@ use crate::scene_view::SceneView;
 
 /// How much farther than the ball that half of the views see whole a hull is looked for.
 const FARTHER: f64 = 1.5;
-/// Cells along the longest side: where a hull is looked for, where its images are compared with the masks, and at last.
+/// Cells along the longest side: where a hull is looked for, where its images are compared with the masks and webs are
+/// found, and at most where its surface is.
 const CELLS: [usize; 3] = [40, 64, 128];
 /// How much more has to overlap where another view is left out: places of the grid tell no less apart.
 const WORTH: f64 = 0.02;
 /// Cells of the finest grid, of which there are some thrice as many at the surface along a side as edges of faces.
 const CELLS_PER_FACE: f64 = 9.0;
-/// The least width of a cell in pixels, where the hull is seen.
+/// The least width of a cell in pixels of the [masks](LONGEST), unless there are fewer than 64 cells then.
 const CELL_IN_PIXELS: f64 = 0.5;
 /// Where views barely agree, a hull has sheets and gaps thinner than a cell, which would be a net of handles.
 const SMOOTHINGS: usize = 2;
@@ -100,7 +102,6 @@ pub(crate) fn hull_of_views(
         let rule = "a hull needs a place that is inside the masks";
         return Ok(Err(format!("{rule} of {agreement} of all views, and there is none")));
     };
-    let (positions, mesh) = without_small_parts(&positions, &mesh)?;
     // That of a face of equal edges.
     let area = surface_area(&positions, &mesh)? / faces as f64;
     let length = (4.0 / 3.0_f64.sqrt() * area).sqrt();
@@ -195,24 +196,31 @@ impl Hull {
                 best = (left_out, overlap, values);
             }
         }
-        let grid = around(extent, self.finest(extent, faces))?;
+        let grid = around(extent, self.cells(extent, faces))?;
         let values = self.values(&grid, extent, best.0);
-        let with_webs = surface_of(&grid, values.clone())?;
-        let Some(webs) = webs(&rough, &best.2, self.middle, &blocks) else { return Ok(with_webs) };
-        let without = surface_of(&grid, without(&webs, &rough, &grid, &values))?;
-        // Otherwise they are rounded edges, which outlines between views might have shown.
-        let handles = |it: &Option<(Tensor<f32>, Mesh)>| it.as_ref().map(|it| handles(&it.1));
-        let is_simpler = without.is_some() && handles(&without) < handles(&with_webs);
-        Ok(if is_simpler { without } else { with_webs })
+        let Some(plain) = surface_of(&grid, values.clone())? else { return Ok(None) };
+        let [parts, handles] = parts_and_handles(&plain.1);
+        // Without handles there are no bars across holes.
+        if handles > 0
+            && let Some(webs) = find_webs(&rough, &best.2, self.middle, &blocks)
+            && let Some(open) = surface_of(&grid, values_without(&webs, &rough, &grid, &values))?
+        {
+            let [open_parts, open_handles] = parts_and_handles(&open.1);
+            // Otherwise nothing but edges became rounder.
+            if open_handles < handles && open_parts <= parts {
+                return Ok(Some(open));
+            }
+        }
+        Ok(Some(plain))
     }
 
-    /// How many cells the finest grid has along its longest side: a face of the hull is some cells wide, and a cell
-    /// half a pixel at least.
-    fn finest(&self, [low, high]: Extent, faces: usize) -> usize {
+    /// How many cells the last grid has along its longest side: a face of the hull is some cells wide, and a cell at
+    /// least so many [pixels](CELL_IN_PIXELS).
+    fn cells(&self, [low, high]: Extent, faces: usize) -> usize {
         let pixel = self.silhouettes.iter().map(|it| it.unit(self.middle));
         let pixel = pixel.fold(f64::INFINITY, f64::min);
         let most = (high - low).max_element() / (CELL_IN_PIXELS * pixel);
-        let [least, .., finest] = CELLS;
+        let [_, least, finest] = CELLS;
         let cells = (CELLS_PER_FACE * faces as f64).sqrt().min(most).ceil() as usize;
         cells.clamp(least, finest)
     }
@@ -275,18 +283,22 @@ impl Hull {
     }
 }
 
-/// The surface of a field, smoothed.
+/// The surface of a field, smoothed, without [small](SMALLEST) parts. `None` where nothing is inside.
 fn surface_of(grid: &Grid, values: Vec<f32>) -> Result<Option<(Tensor<f32>, Mesh)>, MeshError> {
     let values = (0..SMOOTHINGS).fold(values, |values, _| smoothed(grid, values));
     let values = Tensor::new(grid.shape(), values).map_err(MeshError::from)?;
     let (positions, mesh) = extract_surface(&values, None, grid)?;
-    Ok((!mesh.faces().is_empty()).then_some((positions, mesh)))
+    if mesh.faces().is_empty() {
+        return Ok(None);
+    }
+    without_small_parts(&positions, &mesh).map(Some)
 }
 
-/// How many handles the parts of a closed surface have.
-fn handles(mesh: &Mesh) -> i64 {
+/// How many parts a closed surface has, and how many handles these have.
+fn parts_and_handles(mesh: &Mesh) -> [i64; 2] {
     let connectivity = Connectivity::new(mesh);
-    connectivity.parts() as i64 - connectivity.euler_characteristic() / 2
+    let parts = connectivity.parts() as i64;
+    [parts, parts - connectivity.euler_characteristic() / 2]
 }
 
 /// The grid around a box with so many cells along its longest side.

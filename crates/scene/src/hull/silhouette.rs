@@ -103,7 +103,8 @@ impl Silhouette {
     }
 }
 
-/// An image in square blocks of pixels, so wide that none inside of a grid's image is without a point.
+/// An image in square blocks of pixels, so wide that none inside of a grid's image is without a point where the grid is as
+/// far as its middle.
 #[derive(Debug)]
 pub(super) struct Blocks {
     camera: Camera,

@@ -1,12 +1,12 @@
 //! Webs of a hull: what is thin, and no silhouette needs.
 //!
-//! Views may look through a hole along lines that cross. Of what lies between the lines no silhouette says that nothing is
-//! there, so a hull has bars across both mouths: three holes where the object has one.
+//! Views may look through a hole along lines that cross. No silhouette says that nothing is between the lines, so a hull
+//! has bars across both mouths: three holes where the object has one.
 //!
 //! # Formula
-//! The hull's surface moves by its mean curvature, inward alone. Steps of it are means over neighbours of what is
-//! inside, and thresholds: a point leaves where less than half is. It stays where a view would see a block of pixels
-//! bare that the hull covers.
+//! The hull's surface moves by its mean curvature, inward alone. A step of it takes means over neighbours of what is
+//! inside; points leave where less than half is. A point stays where its block of pixels would become bare in a view:
+//! the hull's image keeps all of its blocks.
 //!
 //! # Source
 //! Merriman, Bence and Osher, *Diffusion generated motion by mean curvature*, 1992.
@@ -25,7 +25,7 @@ const STEPS: usize = 10;
 
 /// 1 at the points of a grid around `middle` that are webs of the hull, and 0 elsewhere. The hull is where `values` are
 /// below 0, and views see it in blocks of pixels. `None` without webs.
-pub(super) fn webs(
+pub(super) fn find_webs(
     grid: &Grid,
     values: &[f32],
     middle: DVec3,
@@ -64,7 +64,7 @@ pub(super) fn webs(
 }
 
 /// The field without webs of a rougher grid: outside where more than half of the cell around is a web.
-pub(super) fn without(webs: &[f32], rough: &Grid, grid: &Grid, values: &[f32]) -> Vec<f32> {
+pub(super) fn values_without(webs: &[f32], rough: &Grid, grid: &Grid, values: &[f32]) -> Vec<f32> {
     let value = |(point, &value): (usize, &f32)| {
         let share = between(rough, webs, DVec3::from(grid.position(point)));
         if share > 0.0 { value.max(((share - 0.5) * rough.spacing()) as f32) } else { value }
@@ -97,7 +97,7 @@ mod tests {
     use glam::DMat4;
 
     use super::super::silhouette::Silhouette;
-    use super::super::{handles, surface_of};
+    use super::super::{parts_and_handles, surface_of};
     use super::*;
     use crate::cameras::Camera;
 
@@ -111,7 +111,7 @@ mod tests {
     }
 
     fn handles_of(grid: &Grid, values: &[f32]) -> i64 {
-        handles(&surface_of(grid, values.to_vec()).unwrap().unwrap().1)
+        parts_and_handles(&surface_of(grid, values.to_vec()).unwrap().unwrap().1)[1]
     }
 
     #[test]
@@ -124,8 +124,8 @@ mod tests {
         let values = grid.sampled::<f32>(|p| field(DVec3::from(p)));
         let views = [DMat4::from_rotation_y(1.0), DMat4::from_rotation_x(1.0)]
             .map(|turn| view(&grid, turn));
-        let webs = webs(&grid, values.data(), DVec3::ZERO, &views).unwrap();
-        let cleared = without(&webs, &grid, &grid, values.data());
+        let webs = find_webs(&grid, values.data(), DVec3::ZERO, &views).unwrap();
+        let cleared = values_without(&webs, &grid, &grid, values.data());
         assert_eq!([handles_of(&grid, values.data()), handles_of(&grid, &cleared)], [3, 1]);
         // Edges become rounder by some cells, and nothing else goes.
         for (point, web) in webs.iter().enumerate().filter(|(_, web)| **web > 0.0) {
@@ -140,7 +140,7 @@ mod tests {
         let grid = Grid::around([-0.6; 3], [0.6; 3], 32).unwrap();
         let sheet = |[x, y, z]: [f64; 3]| (x.abs() - 0.03).max(y.abs() - 0.5).max(z.abs() - 0.5);
         let values = grid.sampled::<f32>(sheet);
-        let found = |views: &[Blocks]| webs(&grid, values.data(), DVec3::ZERO, views);
+        let found = |views: &[Blocks]| find_webs(&grid, values.data(), DVec3::ZERO, views);
         let all = values.data().iter().filter(|value| **value < 0.0).count();
         assert!(all > 0);
         let gone = |webs: Option<Vec<f32>>| webs.map_or(0.0, |webs| webs.iter().sum()) as usize;

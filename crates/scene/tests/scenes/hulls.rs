@@ -62,7 +62,7 @@ fn a_hull_of_a_ring_is_closed_and_has_a_hole() {
     }
 }
 
-/// Between the lines there is something, for all that silhouettes say.
+/// Between the lines there is something, for all that silhouettes say: with it the Euler characteristic is -2.
 #[test]
 fn a_hole_that_is_seen_through_along_crossing_lines_is_one_hole() {
     let folder = tempfile::tempdir().unwrap();
