@@ -7,6 +7,7 @@
     python objects.py fit FOLDER RUNS            # `bokashi new` and `bokashi fit`, nothing edited
     python objects.py fit NOISY RUNS --rough-cameras
     python objects.py score FOLDER RUNS
+    python objects.py seen FOLDER RUNS           # errors by how many photographs see a place
 
 The photographs are path traced under an even sky, 320 x 320 pixels, with opacity, from 24 sides; every eighth is
 held out. Objects are turned at random, so that no axis of a grid is one of theirs. Each seed makes other photographs.
@@ -250,10 +251,46 @@ def score(args):
         print(f"| {name} | {seconds:.0f} | {psnr:.1f} | {iou:.4f} | {chamfer:.4f} | {hausdorff:.3f} | {euler} | {len(found.faces)} |")
 
 
+def seen(args):
+    """Distances of the truth's vertices from what was found, by how many photographs that are learnt from see them."""
+    import trimesh
+    from scipy import ndimage
+    from scipy.spatial import cKDTree
+
+    print("| object | views | share of vertices | mean distance | part of the mean |\n|---|---|---|---|---|")
+    for name in args.names or OBJECTS:
+        truth = trimesh.load(args.folder / name / "truth.ply", process=False)
+        found = trimesh.load(args.runs / name / "out" / "object.ply", process=False, force="mesh")
+        places, normals = truth.vertices, truth.vertex_normals
+        cameras = json.loads((args.folder / name / "transforms.json").read_text())
+        # Depths on twice the pixels, each as near as the nearest vertex around.
+        size = 2 * args.size
+        focal = 0.5 * size / np.tan(0.5 * cameras["camera_angle_x"])
+        count = np.zeros(len(places), int)
+        for k, frame in enumerate(cameras["frames"]):
+            if k % 8 == 0:
+                continue
+            pose = np.array(frame["transform_matrix"])
+            towards = pose[:3, 3] - places
+            x, y, depth = (-towards @ pose[:3, :3] * [1, -1, -1]).T
+            column, row = ((focal * q / depth + 0.5 * size).astype(int).clip(0, size - 1) for q in (x, y))
+            nearest = np.full((size, size), np.inf)
+            np.minimum.at(nearest, (row, column), depth)
+            nearest = ndimage.minimum_filter(nearest, 5)[row, column]
+            cosine = (towards * normals).sum(1) / np.linalg.norm(towards, axis=1)
+            count += (depth < nearest + 0.04) & (cosine > 0.1)
+        half = 0.5 * np.linalg.norm(truth.extents)
+        far = cKDTree(trimesh.sample.sample_surface(found, 500_000, seed=1)[0]).query(places)[0] / half
+        for low, high in ((0, 1), (2, 2), (3, 4), (5, len(cameras["frames"]))):
+            own = (count >= low) & (count <= high)
+            mean = far[own].mean() if own.any() else 0
+            print(f"| {name} | {low} to {high} | {own.mean():.3f} | {mean:.4f} | {(far * own).mean():.4f} |")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
-    for command in (make, noise, fit, score):
+    for command in (make, noise, fit, score, seen):
         own = commands.add_parser(command.__name__)
         own.add_argument("folder", type=Path)
         if command is not make:
