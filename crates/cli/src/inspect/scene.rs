@@ -1,8 +1,9 @@
 //! Scenes.
 
+use std::fmt::Display;
 use std::path::Path;
 
-use bokashi_scene::description::{Description, Stage, ViewLens};
+use bokashi_scene::description::{Description, Stage, StopEntry, ViewLens};
 use bokashi_scene::{
     LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceMaterial, capped_note,
     learnt_keys, lens_note,
@@ -203,7 +204,7 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
     if stages.is_empty() {
         let steps = description.stop.steps.map_or(STEPS, |steps| steps.0);
         let mut section = Section::new("the only stage");
-        section.plain("steps", steps);
+        section.fact("steps", steps_of_stage(steps, &description.stop), steps);
         let views = description.stop.views_per_step.map_or(1, |views| views.0);
         section.plain("views a step", views);
         findings.part("stages", section);
@@ -217,7 +218,7 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         }
     }
     for (k, stage) in stages.iter().enumerate() {
-        findings.part("stages", inspect_stage(k, stage));
+        findings.part("stages", inspect_stage(k, stage, stop));
     }
     match SceneFit::new(scene) {
         Ok(fit) => {
@@ -232,9 +233,17 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
     }
 }
 
-fn inspect_stage(k: usize, stage: &Stage) -> Section {
+/// How many steps a stage has, in words: rules may end it early.
+fn steps_of_stage(steps: impl Display, stop: &StopEntry) -> String {
+    match stop.patience.is_some() || stop.held_out.is_some() {
+        true => format!("at most {steps}"),
+        false => steps.to_string(),
+    }
+}
+
+fn inspect_stage(k: usize, stage: &Stage, stop: &StopEntry) -> Section {
     let mut section = Section::new(format!("stage {}", k + 1));
-    section.plain("steps", stage.steps.0);
+    section.fact("steps", steps_of_stage(stage.steps.0, stop), stage.steps.0);
     if let Some(learn) = &stage.learn {
         section.fact("learns", learn.join(", "), json!(learn));
     }

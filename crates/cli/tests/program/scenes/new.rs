@@ -31,6 +31,7 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_from_their_hull() {
         "{told}"
     );
     assert!(told.contains("new texture   128 x 128 texels\n"), "{told}");
+    assert!(told.contains("steps         at most 600\n"), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     assert!(!told.contains("problem"), "{told}");
 }
