@@ -278,9 +278,10 @@ def seen(args):
             np.minimum.at(nearest, (row, column), depth)
             nearest = ndimage.minimum_filter(nearest, 5)[row, column]
             cosine = (towards * normals).sum(1) / np.linalg.norm(towards, axis=1)
-            count += (depth < nearest + 0.04) & (cosine > 0.1)
+            # Depths change by some 0.01 over two of these pixels, times the tangent.
+            count += (cosine > 0.1) & (depth < nearest + 0.01 / np.maximum(cosine, 0.1))
         half = 0.5 * np.linalg.norm(truth.extents)
-        far = cKDTree(trimesh.sample.sample_surface(found, 500_000, seed=1)[0]).query(places)[0] / half
+        far = cKDTree(trimesh.sample.sample_surface(found, 2_000_000, seed=1)[0]).query(places)[0] / half
         for low, high in ((0, 1), (2, 2), (3, 4), (5, len(cameras["frames"]))):
             own = (count >= low) & (count <= high)
             mean = far[own].mean() if own.any() else 0

@@ -26,10 +26,8 @@ pub(crate) const OF_DRAWN_PIXEL: u64 = 144;
 /// Bytes of a pixel that is drawn, compared and written: measured, 300.
 pub(crate) const OF_FITTED_PIXEL: u64 = 300;
 
-/// Bytes of a point of a field: its number and its colour, which are learnt.
+/// Bytes of a point of a field: its number and its colour, which are learnt, and what smoothing keeps.
 pub(crate) const OF_POINT: u64 = 400;
-/// Bytes of a point each time that a field is smoothed: a number and its gradient on the tape.
-pub(crate) const OF_SMOOTHED_POINT: u64 = 8;
 
 /// Bytes of a face that is drawn: measured, 470.
 pub(crate) const OF_FACE: u64 = 480;

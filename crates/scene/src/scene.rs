@@ -23,7 +23,7 @@ use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
 use crate::hull::{AGREEMENT, hull_of_views};
 use crate::mask_files::{find_mask, usual_mask};
-use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_POINT, OF_SMOOTHED_POINT, OF_TEXEL};
+use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_POINT, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
 use crate::model::{Geometry, Model, Placed, Submesh, covers};
 use crate::object::{Object, SurfaceMap, SurfaceMaterial, vectors};
@@ -383,9 +383,8 @@ impl Source {
                 return Err(SceneError::content(location, message));
             }
             let what = || format!("a field of {cells} cells along a side");
-            let points = (cells as u64 + 3).pow(3);
-            let bytes = points * (OF_POINT + smoothing as u64 * OF_SMOOTHED_POINT);
-            self.folder.memory().take(bytes, 0, &location, what)?;
+            let bytes = (cells as u64 + 3).pow(3) * OF_POINT;
+            self.folder.memory().check(bytes, &location, what)?;
             object.grow_field(cells, smoothing)?;
         }
         Ok(())

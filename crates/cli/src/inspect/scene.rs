@@ -233,12 +233,11 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
     }
 }
 
-/// How many steps a stage has, in words: rules may end it early.
+/// How many steps a stage has, in words: rules may end it early, or the fit.
 fn steps_of_stage(steps: impl Display, stop: &StopEntry) -> String {
-    match stop.patience.is_some() || stop.held_out.is_some() {
-        true => format!("at most {steps}"),
-        false => steps.to_string(),
-    }
+    let of_stage = stop.patience.is_some() || stop.held_out.is_some();
+    let of_fit = stop.seconds.is_some() || stop.loss_below.is_some();
+    if of_stage || of_fit { format!("at most {steps}") } else { steps.to_string() }
 }
 
 fn inspect_stage(k: usize, stage: &Stage, stop: &StopEntry) -> Section {
