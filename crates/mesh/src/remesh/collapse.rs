@@ -11,8 +11,8 @@ use super::surface::Site;
 /// Shorter edges are collapsed.
 const SHORTEST: f64 = 4.0 / 5.0;
 
-/// Edges shorter than this follow powers of two of their lengths, and then their indices: neighbours come one after
-/// another. 500,000 faces became 2,000 in two thirds of the time.
+/// Edges shorter than this follow powers of two of their lengths, and then their indices: neighbours, which stand side by
+/// side in memory, come one after another.
 const TINY: f64 = 0.25;
 
 /// Passes over all short edges: what a pass moves may make others short.

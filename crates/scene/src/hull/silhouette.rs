@@ -67,7 +67,7 @@ impl Silhouette {
         let mut covered = vec![[false; 2]; blocks.count()];
         let width = self.camera.size.width;
         for (k, _) in self.distances.iter().enumerate().filter(|(_, distance)| **distance < 0.0) {
-            covered[blocks.at(k % width, k / width)][0] = true;
+            covered[blocks.index(k % width, k / width)][0] = true;
         }
         let block = blocks.finder();
         for block in points.iter().filter_map(|&point| block(point)) {
@@ -129,12 +129,12 @@ impl Blocks {
         move |point| {
             let pixel = (pixels(point)? + HALF).floor();
             let is_shown = (0.0..size[0]).contains(&pixel.x) && (0.0..size[1]).contains(&pixel.y);
-            is_shown.then(|| self.at(pixel.x as usize, pixel.y as usize))
+            is_shown.then(|| self.index(pixel.x as usize, pixel.y as usize))
         }
     }
 
     /// The block of a pixel.
-    fn at(&self, column: usize, row: usize) -> usize {
+    fn index(&self, column: usize, row: usize) -> usize {
         row / self.side * self.columns() + column / self.side
     }
 }
