@@ -1,15 +1,13 @@
-//! Every rendering operation, compiled for `f32` and for `f64`: see `bokashi_core::precompiled`.
-//! Nobody calls these functions.
+//! Rendering operations that are compiled ahead: see `bokashi_core::precompiled`. Nobody calls these functions.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use glam::DMat4;
 
-use crate::antialias::{antialias, antialias_image};
+use crate::antialias::antialias;
 use crate::background::Background;
 use crate::border::Border;
 use crate::camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid, se3};
 use crate::composite::composite;
-use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, LensOptions, depth_of_field};
 use crate::differentials::differentials;
@@ -24,11 +22,9 @@ use crate::interpolate::interpolate;
 use crate::interpolate_differentials::interpolate_differentials;
 use crate::lens::{LensLayer, ThinLens, ThinLensOptions, lens_picture};
 use crate::mesh::Mesh;
-use crate::over::over;
 use crate::perturbed_normals::perturbed_normals;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
-use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reflect::reflect;
 use crate::shading::{Light, Material, Surface, shade};
@@ -41,17 +37,29 @@ use crate::transform_normals::transform_normals;
 use crate::transform_points::transform_points;
 use crate::vertex_normals::{Weighting, vertex_normals};
 
+#[cfg(feature = "precompiled-f64")]
+use crate::{
+    antialias::antialias_image,
+    composite_layers::{Layer, composite_layers},
+    over::over,
+    project_instances::project_instances,
+};
+
 macro_rules! for_each_precision {
-    ($($name:ident: $t:ty),*) => {
+    ($($name:ident: $operations:ident in $t:ty),*) => {
         $(pub fn $name(tape: &Tape<$t>) -> Result<(), RenderError> {
-            every_operation(tape.constant(&Tensor::zeros([])))
+            $operations(tape.constant(&Tensor::zeros([])))
         })*
     };
 }
 
-for_each_precision!(f32_operations: f32);
+for_each_precision!(f32_operations: operations_of_the_program in f32);
 #[cfg(feature = "precompiled-f64")]
-for_each_precision!(f64_operations: f64);
+for_each_precision!(
+    f32_others: other_operations in f32,
+    f64_operations: operations_of_the_program in f64,
+    f64_others: other_operations in f64
+);
 
 /// What fits of the cube and reports do in `f64`, too.
 pub fn f64_picture(tape: &Tape<f64>) -> Result<(), RenderError> {
@@ -70,7 +78,7 @@ pub fn f64_picture(tape: &Tape<f64>) -> Result<(), RenderError> {
 }
 
 /// In one piece: a list of calls.
-fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
+fn operations_of_the_program<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
     let intrinsics =
         pinhole(x, Size::square(1), 0.1, 1.0)? + orthographic(x, Size::square(1), 0.1, 1.0)?;
@@ -78,7 +86,6 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let points = fisheye(distort(transform_points(x, view)?, x)?, x)?;
     let pose = Some(Pose { rotation: x, translation: x });
     let clip = project(points, intrinsics, pose)? + project(points, &DMat4::IDENTITY, pose)?;
-    let clip = clip + project_instances(points, x, intrinsics)?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let slopes = differentials(&fragments)?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
@@ -90,11 +97,8 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
         sample_texture(&Texture::with_mipmaps(x)?, x, detail, Sampler::new())?,
         sample_cube_map(&CubeMap::with_mipmaps(x)?, x, detail, Sampler::new())?,
     ];
-    let layer = Layer { fragments: &fragments, premultiplied: values, alpha: samples[0] };
-    composite_layers(&[layer], Background::Zero)?;
-    over(samples[0], samples[1])?;
-    antialias_image(x, &fragments)?;
-    let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
+    let picture =
+        antialias(composite(values + samples[0] + samples[1], &fragments, Background::Color(x))?)?;
     let loss = PixelLoss::squared(&x.value(), &x.value())?;
     picture.loss(&loss)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
@@ -133,5 +137,15 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
         let light = light + environment.shade(&surface, &material)?;
         srgb_encode(exposure(srgb_decode(light)?, x)?)?;
     }
+    Ok(())
+}
+
+#[cfg(feature = "precompiled-f64")]
+fn other_operations<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
+    let clip = project_instances(x, x, x)?;
+    let fragments = rasterize(clip, &Mesh::new(Vec::new(), 0)?, Size::square(1))?;
+    antialias_image(x, &fragments)?;
+    let layer = Layer { fragments: &fragments, premultiplied: over(x, x)?, alpha: x };
+    composite_layers(&[layer], Background::Zero)?;
     Ok(())
 }

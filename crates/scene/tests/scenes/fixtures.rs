@@ -80,15 +80,15 @@ pub(crate) fn check_interruptions(
     text: &str,
     mut before_each: impl FnMut(&SceneFit),
 ) -> SceneFit {
-    // Written once: ranks read it at the same time.
-    let mut fit = SceneFit::new(load(folder, text)).unwrap();
-    let load = || Scene::load(folder.join("scene.toml")).unwrap();
+    let scene = load(folder, text);
+    let mut fit = SceneFit::new(scene.clone()).unwrap();
     let saved = folder.join("saved");
-    let whole = parallel::alone(|| end(SceneFit::new(load()).unwrap()));
+    let anew = || end(SceneFit::new(Scene::load(folder.join("scene.toml")).unwrap()).unwrap());
+    let whole = parallel::alone(anew);
     loop {
         before_each(&fit);
         fit.save(&saved).unwrap();
-        let again = SceneFit::resume(load(), &saved).unwrap();
+        let again = SceneFit::resume(scene.clone(), &saved).unwrap();
         assert_eq!(again.changed(), [""; 0]);
         assert!(bits(&again) == bits(&fit));
         let [seen, expected] = [&again, &fit].map(|fit| fit.seen(0).unwrap().image);
@@ -100,12 +100,11 @@ pub(crate) fn check_interruptions(
     }
     assert!(bits(&fit) == whole);
     for size in [2, 3] {
-        let all = on_ranks(size, |ranks| end(SceneFit::among(load(), Arc::clone(&ranks)).unwrap()));
+        let all = on_ranks(size, |ranks| end(SceneFit::among(scene.clone(), ranks).unwrap()));
         assert!(all.iter().all(|found| *found == whole), "{size} ranks");
     }
     for threads in [2, 3] {
-        let found = parallel::with_threads(threads, || end(SceneFit::new(load()).unwrap()));
-        assert!(found == whole, "{threads} threads");
+        assert!(parallel::with_threads(threads, anew) == whole, "{threads} threads");
     }
     fit
 }

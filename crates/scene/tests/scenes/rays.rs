@@ -75,14 +75,38 @@ impl Eye {
         0.5 * self.pixels as f64 / (0.5 * self.angle.to_radians()).tan()
     }
 
-    /// The direction of a ray through a place in the image, in pixels.
-    fn along(&self, coordinate: [f64; 2]) -> DVec3 {
+    fn rays(&self) -> Rays {
         let forward = (-self.position).normalize();
         let right = forward.cross(DVec3::Y).normalize();
-        let half = (0.5 * self.angle.to_radians()).tan();
+        let slope = (0.5 * self.angle.to_radians()).tan();
+        Rays { forward, right, down: forward.cross(right), slope, pixels: self.pixels as f64 }
+    }
+}
+
+/// The rays of a camera through its image.
+struct Rays {
+    forward: DVec3,
+    right: DVec3,
+    down: DVec3,
+    /// Of the rays at the left and right border.
+    slope: f64,
+    pixels: f64,
+}
+
+impl Rays {
+    /// The direction of a ray through a place in the image, in pixels.
+    fn along(&self, coordinate: [f64; 2]) -> DVec3 {
         let [x, y] =
-            coordinate.map(|coordinate| half * (2.0 * coordinate / self.pixels as f64 - 1.0));
-        (forward + x * right + y * forward.cross(right)).normalize()
+            coordinate.map(|coordinate| self.slope * (2.0 * coordinate / self.pixels - 1.0));
+        (self.forward + x * self.right + y * self.down).normalize()
+    }
+
+    /// Whether some ray of a pixel, whose middle's is `along`, may meet the ball.
+    fn may_meet(&self, ball: &Ball, from: DVec3, along: DVec3) -> bool {
+        let to = ball.center - from;
+        // The corners of a pixel are sqrt 2 of half its side away.
+        let reach = ball.radius + 1.5 * self.slope / self.pixels * to.length();
+        (to - to.dot(along) * along).length_squared() < reach * reach
     }
 }
 
@@ -94,8 +118,12 @@ pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
 }
 
 /// What a ray meets first.
-fn color_along(balls: &[Ball], from: DVec3, along: DVec3) -> Option<[f64; 3]> {
-    let met = balls.iter().filter_map(|ball| Some((ball.met(from, along)?, ball)));
+fn color_along<'a>(
+    balls: impl IntoIterator<Item = &'a Ball>,
+    from: DVec3,
+    along: DVec3,
+) -> Option<[f64; 3]> {
+    let met = balls.into_iter().filter_map(|ball| Some((ball.met(from, along)?, ball)));
     let far = |(place, _): &(DVec3, &Ball)| place.distance(from);
     met.min_by(|a, b| far(a).total_cmp(&far(b))).map(|(place, ball)| ball.color(place))
 }
@@ -103,17 +131,25 @@ fn color_along(balls: &[Ball], from: DVec3, along: DVec3) -> Option<[f64; 3]> {
 /// Light and opacity, `[pixels, pixels, 4]`; colours are not multiplied by opacity.
 pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
     let Eye { position, pixels, .. } = *eye;
+    let rays = eye.rays();
     let mut light = vec![0.0_f32; pixels * pixels * 4];
+    let mut near: Vec<&Ball> = Vec::new();
     for (pixel, sum) in light.chunks_exact_mut(4).enumerate() {
         let (row, column) = (pixel / pixels, pixel % pixels);
+        let middle = rays.along([column as f64 + 0.5, row as f64 + 0.5]);
+        near.clear();
+        near.extend(balls.iter().filter(|ball| rays.may_meet(ball, position, middle)));
+        if near.is_empty() {
+            continue;
+        }
         let mut total = [0.0; 4];
         for k in 0..RAYS * RAYS {
             let coordinate = [(column, k % RAYS), (row, k / RAYS)];
-            let along = eye.along(
+            let along = rays.along(
                 coordinate
                     .map(|(coordinate, ray)| coordinate as f64 + (ray as f64 + 0.5) / RAYS as f64),
             );
-            if let Some([red, green, blue]) = color_along(balls, position, along) {
+            if let Some([red, green, blue]) = color_along(near.iter().copied(), position, along) {
                 for (total, part) in total.iter_mut().zip([red, green, blue, 1.0]) {
                     *total += part / (RAYS * RAYS) as f64;
                 }
@@ -133,9 +169,8 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
 /// Light before black, `[pixels, pixels, 3]`, as a thin lens of this radius sees it that is focused at this
 /// distance: the mean over rays from points of the lens through points of the pixel where it is sharp.
 pub(crate) fn through_lens(balls: &[Ball], eye: &Eye, radius: f64, focus: f64) -> Tensor<f32> {
-    let forward = (-eye.position).normalize();
-    let right = forward.cross(DVec3::Y).normalize();
-    let down = forward.cross(right);
+    let rays = eye.rays();
+    let Rays { forward, right, down, .. } = rays;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let pixels = eye.pixels;
     let mut light = Vec::with_capacity(pixels * pixels * 3);
@@ -145,7 +180,7 @@ pub(crate) fn through_lens(balls: &[Ball], eye: &Eye, radius: f64, focus: f64) -
             // Points of the pixel by the plastic number, those of the lens on a spiral.
             let k = k as f64;
             let [x, y] = [0.754_877_666, 0.569_840_291].map(|share| (0.5 + k * share).fract());
-            let along = eye.along([(pixel % pixels) as f64 + x, (pixel / pixels) as f64 + y]);
+            let along = rays.along([(pixel % pixels) as f64 + x, (pixel / pixels) as f64 + y]);
             let sharp = eye.position + focus / along.dot(forward) * along;
             let (sin, cos) = (golden * k).sin_cos();
             let from = radius * ((k + 0.5) / LENS_RAYS as f64).sqrt();
