@@ -126,7 +126,7 @@ material = { texture_size = 256 }
 [learn.texture]
 total_variation = 1e-3
 [stop]
-steps = 200
+steps = 80
 views_per_step = 4
 "#;
     let [psnr, iou] = held_out(&fitted(load(folder.path(), &text)));
@@ -153,7 +153,7 @@ smoothing = 10.0
 normals = 1e-3
 [learn.colors]
 [stop]
-steps = 400
+steps = 250
 views_per_step = 4
 "#;
     let mut scene = load(folder.path(), &text);
@@ -171,7 +171,7 @@ fn a_cameras_pose_is_learnt_from_one_image() {
     let folder = tempfile::tempdir().unwrap();
     let ball = Ball::motley(DVec3::ZERO, 1.0);
     let text = views(folder.path(), std::slice::from_ref(&ball), 1, 2, 128)
-        + "[[meshes]]\nshape = \"sphere\"\nfaces = 5000\n[learn.cameras]\n[stop]\nsteps = 300\n";
+        + "[[meshes]]\nshape = \"sphere\"\nfaces = 5000\n[learn.cameras]\n[stop]\nsteps = 200\n";
     let mut scene = load(folder.path(), &text);
     paint(&mut scene, &[ball]);
     let truth = scene.views[0].camera.view;
@@ -251,13 +251,15 @@ shape = "sphere"
 faces = 3000
 place = { translation = [0.1, 0.5, 0.6], scale = 0.3 }
 name = "small"
+[pipeline]
+cull = "back"
 [learn.cameras]
 [[stages]]
 steps = 120
 reduce = 2
 views_per_step = 8
 [[stages]]
-steps = 80
+steps = 60
 views_per_step = 8
 rates = 0.3
 "#,

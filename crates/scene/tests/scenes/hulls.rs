@@ -84,8 +84,9 @@ fn a_hole_that_is_seen_through_along_crossing_lines_is_one_hole() {
 
 #[test]
 fn no_wrong_mask_and_no_other_camera_carves_a_hull_away() {
+    const PIXELS: usize = 48;
     let folder = tempfile::tempdir().unwrap();
-    let text = photographs(folder.path(), 16, 16, 64);
+    let text = photographs(folder.path(), 16, 16, PIXELS);
     let volume = |scene: &Scene| {
         let object = &scene.objects[0];
         signed_volume(&object.positions, &object.mesh).unwrap()
@@ -93,8 +94,8 @@ fn no_wrong_mask_and_no_other_camera_carves_a_hull_away() {
     let truth = volume(&load(folder.path(), &(HULL.to_owned() + &text)));
     // Nothing is in the mask of one view, and all of it in that of another.
     let mask = |name: &str, share: u8| {
-        let samples = Samples::U8((0..64 * 64).map(|k| if k == 0 { 255 } else { share }).collect());
-        let picture = Picture { width: 64, height: 64, channels: 1, samples };
+        let samples = Samples::U8((0..PIXELS * PIXELS).map(|k| if k == 0 { 255 } else { share }).collect());
+        let picture = Picture { width: PIXELS, height: PIXELS, channels: 1, samples };
         let png = picture.encode_png(&Location::new(name)).unwrap();
         fs::write(folder.path().join(name), png).unwrap();
     };
@@ -108,7 +109,7 @@ fn no_wrong_mask_and_no_other_camera_carves_a_hull_away() {
     assert!((0.9..1.3).contains(&(found / truth)), "{found} for {truth}");
     // A camera that is close sees a part of the object, and says nothing of the rest.
     let towards = DVec3::new(0.6, 0.5, 0.9).normalize();
-    let eye = Eye { position: 2.0 * towards, angle: ANGLE, pixels: 64 };
+    let eye = Eye { position: 2.0 * towards, angle: ANGLE, pixels: PIXELS };
     fs::write(folder.path().join("close.png"), photograph(&ring(), &eye)).unwrap();
     let [x, y, z] = eye.position.to_array();
     let close = format!(
