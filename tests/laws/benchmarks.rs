@@ -104,8 +104,8 @@ const COMPOSED: [&str; 7] = [
     "environment",
     "exact_coverage",
     "pipeline",
-    "still_fragments",
-    "still_textures",
+    "constant_fragments",
+    "constant_textures",
 ];
 
 #[test]

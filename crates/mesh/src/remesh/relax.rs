@@ -13,8 +13,8 @@ use crate::triangle::area_vector;
 /// Shares of the way that are tried.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// A way shorter than this share of the length asked for is not gone.
-const STILL: f64 = 0.01;
+/// A move shorter than this share of the length asked for is left out.
+const LEAST_MOVE: f64 = 0.01;
 
 impl Changing<'_> {
     /// Moves the free vertices, one after another in their order.
@@ -42,7 +42,7 @@ impl Changing<'_> {
         let normal = normal.normalize_or_zero();
         let way = sum / weights - from;
         let way = way - normal * normal.dot(way);
-        if way.length_squared() < STILL * STILL * target * target {
+        if way.length_squared() < LEAST_MOVE * LEAST_MOVE * target * target {
             return;
         }
         for share in SHARES {
