@@ -13,7 +13,7 @@ use crate::edges::{Side, edges};
 pub(crate) struct Rings {
     starts: Vec<usize>,
     neighbors: Vec<u32>,
-    is_rim: Vec<bool>,
+    is_boundary: Vec<bool>,
 }
 
 impl Rings {
@@ -50,7 +50,7 @@ impl Rings {
                 }
             }
         }
-        Self { starts, neighbors, is_rim: sharp.iter().map(|sharp| *sharp == 2).collect() }
+        Self { starts, neighbors, is_boundary: sharp.iter().map(|sharp| *sharp == 2).collect() }
     }
 
     /// Those of a vertex, in increasing order.
@@ -59,7 +59,7 @@ impl Rings {
     }
 
     /// Whether a vertex is smoothed along a boundary.
-    pub(crate) fn is_rim(&self, vertex: usize) -> bool {
-        self.is_rim[vertex]
+    pub(crate) fn is_boundary(&self, vertex: usize) -> bool {
+        self.is_boundary[vertex]
     }
 }

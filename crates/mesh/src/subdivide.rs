@@ -133,7 +133,7 @@ fn loop_weights(mesh: &Mesh, sides: &[Side]) -> Triplets {
         let n = neighbors.len() as f64;
         let share = if neighbors.is_empty() {
             0.0
-        } else if rings.is_rim(vertex) {
+        } else if rings.is_boundary(vertex) {
             0.125
         } else {
             let middle = 0.375 + 0.25 * (std::f64::consts::TAU / n).cos();

@@ -20,7 +20,7 @@ pub(super) enum Kind {
     /// Its faces form one ring: it may move and vanish.
     Free,
     /// Its faces form one fan, at a boundary: it may vanish along the boundary.
-    Rim,
+    Boundary,
     /// It stays: at a seam, at an edge of three faces, at faces that are no fan.
     Fixed,
 }
@@ -212,7 +212,7 @@ impl<'a> Changing<'a> {
         self.ends_at.push(edge.is_boundary());
         self.kinds.push(match (is_seam, edge.is_boundary()) {
             (true, _) => Kind::Fixed,
-            (false, true) => Kind::Rim,
+            (false, true) => Kind::Boundary,
             (false, false) => Kind::Free,
         });
         self.around.push(SmallVec::new());
@@ -344,7 +344,7 @@ fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
     }
     let is_one = walked == steps.len();
     let kind = match (is_one, ends_at) {
-        (true, true) => Kind::Rim,
+        (true, true) => Kind::Boundary,
         (true, false) if steps.len() > 2 => Kind::Free,
         _ => Kind::Fixed,
     };

@@ -66,7 +66,7 @@ impl Changing<'_> {
         let at = |vertex: u32| (self.sites[vertex as usize], self.points[vertex as usize]);
         let may_vanish = |vertex: u32, other: u32| match self.kinds[vertex as usize] {
             Kind::Free => !edge.is_boundary(),
-            Kind::Rim => edge.is_boundary() && self.is_straight(edge, vertex, other),
+            Kind::Boundary => edge.is_boundary() && self.is_straight(edge, vertex, other),
             Kind::Fixed => false,
         };
         let mut ways: SmallVec<[Way; 3]> = SmallVec::new();
