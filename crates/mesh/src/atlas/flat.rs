@@ -20,8 +20,8 @@ pub(super) struct FlatChart {
     pub(super) extent: DVec2,
 }
 
-/// Faces as they are seen along an axis, z up to the eye.
-struct Seen {
+/// Faces projected along an axis: z is the height along it.
+struct ProjectedFaces {
     corners: Vec<[DVec3; 3]>,
     bounds: Vec<Bounds>,
 }
@@ -38,8 +38,8 @@ pub(super) fn flattened(
     // The last is the next.
     let mut open: Vec<_> = charts.iter().rev().cloned().collect();
     while let Some(Chart { faces: all, axis }) = open.pop() {
-        let seen = Seen::new(&all, axis, placed, indices);
-        let is_kept = seen.kept(reach);
+        let projected = ProjectedFaces::new(&all, axis, placed, indices);
+        let is_kept = projected.kept(reach);
         if is_kept.iter().all(|is_kept| *is_kept) {
             flat.push(FlatChart::new(all, axis, placed, indices));
             continue;
@@ -60,12 +60,12 @@ fn across(axis: DVec3) -> [DVec3; 2] {
     if right.cross(up).dot(axis) > 0.0 { [right, up] } else { [up, right] }
 }
 
-impl Seen {
+impl ProjectedFaces {
     fn new(all: &[u32], axis: DVec3, placed: &Placed, indices: &[[u32; 3]]) -> Self {
         let [right, up] = across(axis);
-        let seen = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
+        let project = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
         let corners: Vec<_> =
-            all.iter().map(|face| placed.corners(indices[*face as usize]).map(seen)).collect();
+            all.iter().map(|face| placed.corners(indices[*face as usize]).map(project)).collect();
         let bounds = corners.iter().map(|corners| Bounds::around(corners)).collect();
         Self { corners, bounds }
     }
@@ -152,11 +152,11 @@ impl FlatChart {
             |vertex: u32| vertices.binary_search(&vertex).map_or(NONE, |place| place as u32);
         let corners = corners.map(|face| face.map(place)).collect();
         let [right, up] = across(axis);
-        let seen = |vertex: &u32| {
+        let project = |vertex: &u32| {
             let point = placed.points[*vertex as usize];
             DVec2::new(point.dot(right), point.dot(up))
         };
-        let points: Vec<_> = vertices.iter().map(seen).collect();
+        let points: Vec<_> = vertices.iter().map(project).collect();
         let (points, extent) = upright(&points);
         Self { faces, vertices, points, corners, extent }
     }
@@ -238,14 +238,14 @@ mod tests {
     use crate::fixtures::{Model, sphere, torus};
 
     /// The faces of a model whose normals have at least such a cosine with the z axis, seen along it.
-    fn seen(model: &Model, least: f64) -> Seen {
+    fn projected_faces(model: &Model, least: f64) -> ProjectedFaces {
         let (positions, mesh) = (model.positions(), model.mesh());
-        let placed = Placed::new("seen", &positions, &mesh).unwrap();
+        let placed = Placed::new("projected", &positions, &mesh).unwrap();
         let faces = Faces::new(&placed, &mesh);
         let all: Vec<u32> = (0..model.faces.len() as u32)
             .filter(|k| faces.normals[*k as usize].z >= least)
             .collect();
-        Seen::new(&all, DVec3::Z, &placed, &model.faces)
+        ProjectedFaces::new(&all, DVec3::Z, &placed, &model.faces)
     }
 
     #[test]
@@ -257,15 +257,15 @@ mod tests {
             sphere(6).and(sphere(5).moved(above(0.4))),
             torus(20, 10, 0.3).shaken(0.1, 7),
         ] {
-            let seen = seen(&model, 0.3);
+            let projected = projected_faces(&model, 0.3);
             for reach in [0.0, 0.01, 0.05, 0.1, 0.3, 1.0] {
                 let mut expected: Vec<bool> = Vec::new();
-                for (face, one) in seen.corners.iter().enumerate() {
-                    let mut before = seen.corners[..face].iter().zip(&expected);
+                for (face, one) in projected.corners.iter().enumerate() {
+                    let mut before = projected.corners[..face].iter().zip(&expected);
                     expected.push(before.all(|(other, stays)| !stays || fit(one, other, reach)));
                 }
                 cut += expected.iter().filter(|stays| !**stays).count();
-                assert_eq!(seen.kept(reach), expected, "{reach}");
+                assert_eq!(projected.kept(reach), expected, "{reach}");
             }
         }
         assert!(cut > 500, "{cut}");
@@ -273,18 +273,18 @@ mod tests {
 
     #[test]
     fn a_smooth_chart_has_as_many_rivals_however_far_they_reach() {
-        let seen = seen(&sphere(24), 0.6);
-        let tree = BoxTree::new(&seen.bounds);
+        let projected = projected_faces(&sphere(24), 0.6);
+        let tree = BoxTree::new(&projected.bounds);
         for reach in [0.03, 0.1, 0.5, 3.0] {
             let mut count = 0;
-            for face in 0..seen.corners.len() {
-                seen.has_rival(&tree, face, reach, |_| {
+            for face in 0..projected.corners.len() {
+                projected.has_rival(&tree, face, reach, |_| {
                     count += 1;
                     false
                 });
             }
-            let share = count as f64 / seen.corners.len() as f64;
-            assert!(share < 24.0, "{reach}: {share} each of {}", seen.corners.len());
+            let share = count as f64 / projected.corners.len() as f64;
+            assert!(share < 24.0, "{reach}: {share} each of {}", projected.corners.len());
         }
     }
 }

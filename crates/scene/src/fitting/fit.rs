@@ -154,7 +154,7 @@ impl SceneFit {
         check_fields(&scene, &stages)?;
         check_remeshing(&scene, &stages)?;
         let (progress, surfaces, from) = saved_fit::read_file(saved_fit)?;
-        let (rules, seed) = (StopRules::new(&description.stop, progress.seen), description.seed);
+        let (rules, seed) = (StopRules::new(&description.stop, progress.rules), description.seed);
         let stage = progress.done.len();
         let first = stage_of(&stages, stage)?;
         let scene = Arc::new(scene);

@@ -62,7 +62,7 @@ impl Pipeline<f32> for StagePipeline {
 
     fn save_state(&self, state: &mut Vec<u8>) {
         let Self { remeshed, .. } = *self;
-        let progress = Progress { done: self.done.clone(), seen: self.rules.seen(), remeshed };
+        let progress = Progress { done: self.done.clone(), rules: self.rules.state(), remeshed };
         progress.write(&self.surfaces, &self.origin, state);
     }
 
