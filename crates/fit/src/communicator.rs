@@ -13,10 +13,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
+use bokashi_core::mixing::mixed;
 
 use crate::error::FitError;
 use crate::given::{Given, described, differences};
-use crate::mixing::mixed;
 use crate::parameter::Parameters;
 
 /// One rank of a job, which exchanges numbers `T` with the others.

@@ -11,11 +11,11 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_core::{Scalar, Tape, Var};
 
 use crate::communicator::{Alone, Communicator, Ranks, block};
 use crate::error::{FitError, Quantity};
-use crate::mixing::{GOLDEN, mixed};
 use crate::parameter::Variables;
 use crate::pipeline::Pipeline;
 use crate::reduction::{Reduced, reduced};

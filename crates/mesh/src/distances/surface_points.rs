@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError, Var};
 use bokashi_render_ops::Mesh;
 
@@ -116,7 +117,7 @@ pub fn draw_points<T: Scalar>(
     Ok(SurfacePoints::new(faces, barycentrics, mesh)?)
 }
 
-/// Steele, Lea and Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014: SplitMix64.
+/// The generator SplitMix64.
 struct Random {
     state: u64,
 }
@@ -124,10 +125,7 @@ struct Random {
 impl Random {
     /// A number from 0 up, below 1.
     fn uniform(&mut self) -> f64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.state;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ bits >> 31) >> 11) as f64 / (1_u64 << 53) as f64
+        self.state = self.state.wrapping_add(GOLDEN);
+        (mixed(self.state) >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
