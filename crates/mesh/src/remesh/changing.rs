@@ -144,14 +144,16 @@ impl<'a> Changing<'a> {
         }
     }
 
+    /// Two vertices, the one with fewer faces first: an edge between them is found there at the least cost.
+    pub(super) fn by_faces(&self, [a, b]: [u32; 2]) -> [u32; 2] {
+        let has_fewer = self.around[a as usize].len() <= self.around[b as usize].len();
+        if has_fewer { [a, b] } else { [b, a] }
+    }
+
     /// The edge between two vertices, unless there is none, or three faces have it, or two that run through it
     /// in one direction.
     pub(super) fn edge(&self, a: u32, b: u32) -> Option<Edge> {
-        let [least, other] = if self.around[a as usize].len() <= self.around[b as usize].len() {
-            [a, b]
-        } else {
-            [b, a]
-        };
+        let [least, other] = self.by_faces([a, b]);
         let mut edge = Edge { ends: [a, b], faces: [NONE; 2], across: [NONE; 2] };
         for &index in &self.around[least as usize] {
             let face = self.faces[index as usize];

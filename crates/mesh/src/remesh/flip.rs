@@ -73,11 +73,7 @@ impl Changing<'_> {
     }
 
     fn are_neighbors(&self, a: u32, b: u32) -> bool {
-        let [least, other] = if self.around[a as usize].len() <= self.around[b as usize].len() {
-            [a, b]
-        } else {
-            [b, a]
-        };
+        let [least, other] = self.by_faces([a, b]);
         self.around[least as usize].iter().any(|face| self.faces[*face as usize].contains(&other))
     }
 }

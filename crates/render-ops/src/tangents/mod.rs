@@ -31,7 +31,7 @@ use crate::corner_sums::{add_by_vertex, sum_over};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
 use crate::rows::Rows;
-use crate::vector::{Direction, Vector3, across, dot, scaled, sum};
+use crate::vector::{Direction, Vector3, direction_bar, dot, scaled, sum};
 
 /// Faces, and texture coordinates, in one piece of work.
 const PER_PIECE: usize = 1 << 10;
@@ -224,10 +224,7 @@ impl<S: Scalar> Sum<S> {
 
     /// The gradient of the sum.
     fn pull_back(&self, tangent_bar: Vector3<S>) -> Vector3<S> {
-        if self.length == S::ZERO {
-            return [S::ZERO; 3];
-        }
-        scaled(S::ONE / self.length, across(self.tangent, tangent_bar))
+        direction_bar(self.tangent, self.length, tangent_bar)
     }
 
     fn row<T: Scalar<Wide = S>>(&self) -> [T; 4] {
