@@ -2,13 +2,14 @@
 
 use bokashi_core::{Scalar, Tensor, parallel};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 
 use crate::box_tree::{Bounds, BoxTree};
 use crate::crossing::cross;
 use crate::error::MeshError;
 use crate::placed::Placed;
-use crate::triangle::{area_vector, repeats_a_vertex};
+use crate::triangle::area_vector;
 
 /// Faces whose crossings one thread looks for at once.
 const FACES_PER_PIECE: usize = 256;

@@ -1,8 +1,7 @@
 //! The neighbours that smooth a vertex.
 
 use bokashi_render_ops::Mesh;
-
-use crate::edges::{Side, edges};
+use bokashi_render_ops::edges::{Side, edges};
 
 /// Which vertices a vertex is smoothed with.
 ///
@@ -17,7 +16,7 @@ pub(crate) struct Rings {
 }
 
 impl Rings {
-    /// Those of a mesh, whose [sides](crate::edges::sides) are given.
+    /// Those of a mesh, whose [sides](bokashi_render_ops::edges::sides) are given.
     pub(crate) fn new(mesh: &Mesh, sides: &[Side]) -> Self {
         let count = mesh.vertex_count();
         let (mut all, mut sharp) = (vec![0_u32; count], vec![0_u32; count]);

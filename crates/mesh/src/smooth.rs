@@ -10,9 +10,9 @@
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::sides;
 use bokashi_render_ops::glam::DVec3;
 
-use crate::edges::sides;
 use crate::error::MeshError;
 use crate::placed::Placed;
 use crate::rings::Rings;

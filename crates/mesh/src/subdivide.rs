@@ -16,13 +16,12 @@
 
 use bokashi_core::{Scalar, SparseMatrix, Tensor};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{Side, edges, repeats_a_vertex, sides};
 
 use crate::derived_mesh::DerivedMesh;
-use crate::edges::{Side, edges, sides};
 use crate::error::MeshError;
 use crate::placed::check_positions;
 use crate::rings::Rings;
-use crate::triangle::repeats_a_vertex;
 
 /// Where the vertices of a subdivided mesh lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

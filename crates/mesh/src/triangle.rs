@@ -2,11 +2,6 @@
 
 use bokashi_render_ops::glam::DVec3;
 
-/// Whether a face names a vertex twice.
-pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
-    a == b || b == c || c == a
-}
-
 /// The normal whose length is twice the area.
 #[inline]
 pub(crate) fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {

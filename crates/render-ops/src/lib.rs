@@ -73,6 +73,8 @@ mod direct_gradients;
 mod dispatch;
 mod downsample;
 mod edge_functions;
+#[doc(hidden)]
+pub mod edges;
 mod environment;
 mod error;
 mod eye_depth;

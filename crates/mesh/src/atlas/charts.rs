@@ -11,11 +11,11 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{edges, repeats_a_vertex, sides};
 use bokashi_render_ops::glam::DVec3;
 
-use crate::edges::{edges, sides};
 use crate::placed::Placed;
-use crate::triangle::{area_vector, quality, repeats_a_vertex};
+use crate::triangle::{area_vector, quality};
 
 /// Of a face in no chart, and where there is no neighbour.
 pub(super) const NONE: u32 = u32::MAX;

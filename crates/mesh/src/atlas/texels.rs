@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 
 use super::options::check_size;
 use crate::error::MeshError;
-use crate::triangle::{nearest, repeats_a_vertex};
+use crate::triangle::nearest;
 
 /// A point of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,6 +13,7 @@
 use smallvec::SmallVec;
 
 use crate::derived_mesh::kept_part;
+use crate::groups::Groups;
 use crate::triangle::other_corners;
 
 /// A vertex beyond the border.
@@ -56,21 +57,10 @@ struct Surface {
     faces: Vec<[u32; 3]>,
     /// By vertex: its faces.
     stars: Vec<SmallVec<[u32; 8]>>,
-    /// By vertex: the one that it was merged into, perhaps itself.
-    merged: Vec<u32>,
-    /// By vertex: the lowest one that edges between vertices at its place lead to.
-    places: Vec<u32>,
-}
-
-/// Where a chain of vertices ends.
-fn last_of(chain: &mut [u32], vertex: u32) -> u32 {
-    let mut at = vertex;
-    while chain[at as usize] != at {
-        let next = chain[at as usize];
-        chain[at as usize] = chain[next as usize];
-        at = next;
-    }
-    at
+    /// Vertices that were merged: the lowest of a group is left.
+    merged: Groups,
+    /// Vertices at one place, as far as edges lead.
+    places: Groups,
 }
 
 impl Surface {
@@ -79,12 +69,9 @@ impl Surface {
         for (number, face) in (0..).zip(&faces) {
             face.iter().for_each(|&vertex| stars[vertex as usize].push(number));
         }
-        let mut places: Vec<_> = (0..vertex_count as u32).collect();
-        for edge in edges {
-            let [a, b] = edge.map(|end| last_of(&mut places, end));
-            places[a.max(b) as usize] = a.min(b);
-        }
-        Self { faces, stars, merged: (0..vertex_count as u32).collect(), places }
+        let mut places = Groups::new(vertex_count);
+        edges.iter().for_each(|&[a, b]| places.join(a, b));
+        Self { faces, stars, merged: Groups::new(vertex_count), places }
     }
 
     /// The edges around a vertex: of each of its faces the one that it faces. On a border they go on from both ends to
@@ -105,7 +92,7 @@ impl Surface {
 
     /// Whether nothing is left to do for an edge, since it was collapsed, now or with others.
     fn is_settled(&mut self, edge: [u32; 2]) -> bool {
-        let [a, b] = edge.map(|end| last_of(&mut self.merged, end));
+        let [a, b] = edge.map(|end| self.merged.first(end));
         let (kept, gone) = (a.min(b), a.max(b));
         if kept == gone || self.stars[kept as usize].is_empty() {
             return true;
@@ -134,7 +121,7 @@ impl Surface {
 
     /// Drops a tetrahedron that is a part of its own, if its vertices stand at one place.
     fn drops_tetrahedron(&mut self, vertices: [u32; 4]) -> bool {
-        let places = vertices.map(|vertex| last_of(&mut self.places, vertex));
+        let places = vertices.map(|vertex| self.places.first(vertex));
         let is_apart = vertices.iter().all(|&vertex| self.stars[vertex as usize].len() == 3);
         if !is_apart || places.iter().any(|&place| place != places[0]) {
             return false;
@@ -149,7 +136,7 @@ impl Surface {
 
     /// Merges a vertex into another one.
     fn merge(&mut self, kept: u32, gone: u32) {
-        self.merged[gone as usize] = kept;
+        self.merged.join(kept, gone);
         for face in std::mem::take(&mut self.stars[gone as usize]) {
             let corners = self.faces[face as usize];
             if !corners.contains(&kept) {

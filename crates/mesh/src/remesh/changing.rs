@@ -4,12 +4,13 @@
 //! of parts, given an [`Edge`] and what its own comment asks for.
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
 
 use super::surface::{Around, Site, Surface};
 use crate::box_tree::{Bounds, BoxTree};
-use crate::triangle::{other_corners, repeats_a_vertex};
+use crate::triangle::other_corners;
 
 /// Stands for no vertex: the corners of a face that is gone.
 pub(super) const NONE: u32 = u32::MAX;

@@ -1,9 +1,10 @@
 //! The surface that is remeshed: its points, and the one next to a point beside it.
 
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
 
-use crate::triangle::{nearest, repeats_a_vertex};
+use crate::triangle::nearest;
 
 /// The faces at each vertex, in increasing order.
 pub(super) type Around = Vec<SmallVec<[u32; 8]>>;
