@@ -1,10 +1,10 @@
-//! A change of variables after which steps of a fit are smooth.
+//! A preconditioner: a change of variables after which steps of a fit are smooth.
 //!
 //! # Forward
-//! Vertices v are learnt as `u = (I + lambda L) v`, with the combinatorial Laplacian L of a mesh; v is
-//! solved from u. The matrix A is symmetric and positive definite and is factored once, `A = P' C C' P`
-//! with a permutation P that keeps C sparse, in `f64`. Substitution is in [`Scalar::Wide`], column by
-//! column of C: in one order, whatever the number of threads.
+//! Vertices v are learnt as `u = A v`, `A = I + lambda L`, with the combinatorial Laplacian L of a mesh; v is solved
+//! from u. The matrix A is symmetric and positive definite. It is factored once in `f64`, `A = P' C C' P`, with a
+//! permutation P that keeps C sparse. Substitution is in [`Scalar::Wide`], column by column of C: in one order,
+//! whatever the number of threads.
 //!
 //! # Backward
 //! `u_bar = A^-1 v_bar`: the same solve.
@@ -26,8 +26,8 @@ use bokashi_core::{
 
 use crate::topology::Topology;
 
-/// The change of variables `u = (I + lambda L) v` of numbers at the vertices of a mesh, with the
-/// factor that leads back. Made once, with the feature `precondition`; cheap to clone.
+/// The change of variables `u = (I + lambda L) v` of numbers at the vertices of a mesh, with the factor that solves for
+/// v. Made once, with the feature `precondition`; cheap to clone.
 ///
 /// [`Parameter::preconditioned`](crate::Parameter::preconditioned) learns a parameter as u.
 #[derive(Clone)]
@@ -62,7 +62,7 @@ impl fmt::Debug for Preconditioner {
     }
 }
 
-/// Whether both are of the same edges, and of one lambda.
+/// Two preconditioners are equal if they have the same edges and the same lambda.
 impl PartialEq for Preconditioner {
     fn eq(&self, other: &Self) -> bool {
         let [a, b] = [&*self.0, &*other.0];
@@ -74,10 +74,10 @@ impl PartialEq for Preconditioner {
 
 #[cfg(feature = "precondition")]
 impl Preconditioner {
-    /// The change of variables for the vertices of `topology`. The larger `lambda`, the farther a step
-    /// at one vertex carries its neighbours along; the paper takes 19 for most of its meshes.
+    /// Makes the preconditioner for the vertices of `topology`. With a larger `lambda`, a step at one vertex moves
+    /// neighbours farther away; the paper takes 19 for most of its meshes.
     ///
-    /// It factors a matrix of the size of the mesh: some microseconds a vertex.
+    /// It factors a matrix of the size of the mesh, which takes some microseconds per vertex.
     ///
     /// # Errors
     /// [`TensorError::Value`] for a lambda that is not from 0 to 1e12, beyond which nothing of I is left

@@ -1,4 +1,4 @@
-//! How a mesh hangs together.
+//! The topology of a mesh: its parts, its boundaries and its Euler characteristic.
 
 use bokashi_render_ops::Mesh;
 use bokashi_render_ops::edges::{Side, edges, repeats_a_vertex, sides};
@@ -6,24 +6,24 @@ use bokashi_render_ops::edges::{Side, edges, repeats_a_vertex, sides};
 use crate::groups::{Groups, NO_GROUP};
 use crate::triangle::corner_of;
 
-/// Parts, boundaries and the Euler characteristic of a mesh. A face that names a vertex twice counts as none.
+/// Parts, boundaries and the Euler characteristic of a mesh. A face that names a vertex twice is left out.
 ///
-/// Faces that share an edge hang together; those that share a vertex alone do not.
+/// Faces that share an edge are of one part. Faces that share nothing but a vertex are not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connectivity {
-    /// Vertices that some face has.
+    /// The number of vertices that belong to a face.
     pub vertices: usize,
-    /// Edges.
+    /// The number of edges.
     pub edges: usize,
-    /// Faces.
+    /// The number of faces that name three vertices.
     pub faces: usize,
-    /// Edges of one face.
+    /// The number of edges of one face.
     pub boundary_edges: usize,
-    /// Edges of three faces and more.
+    /// The number of edges of three faces and more.
     pub crowded_edges: usize,
-    /// Vertices whose faces form more than one fan: faces that share no edge meet there.
+    /// The number of vertices at which fans of faces meet that share no edge.
     pub pinched_vertices: usize,
-    /// Rings of edges at which the surface ends, or meets more than one other.
+    /// The number of closed loops of edges that have other than two faces.
     pub boundary_loops: usize,
     /// Whether two faces run through each edge that they share in opposite directions.
     pub is_oriented: bool,
@@ -32,7 +32,7 @@ pub struct Connectivity {
 }
 
 impl Connectivity {
-    /// That of a mesh.
+    /// Counts the parts, boundaries and fans of `mesh`. It sorts the sides of all faces.
     pub fn new(mesh: &Mesh) -> Self {
         let faces = mesh.faces();
         let sides = sides(faces);
@@ -98,7 +98,7 @@ impl Connectivity {
         self.part_count
     }
 
-    /// The part of a face: 0 for that of the first face, and so on; `None` for a face that names a vertex twice.
+    /// The part of a face, counted from 0 in the order of the faces. `None` for a face that names a vertex twice.
     ///
     /// # Panics
     /// Unless there is such a face.
@@ -123,8 +123,8 @@ fn corner_at(faces: &[[u32; 3]], side: &Side, end: u32) -> u32 {
     3 * side.face + corner_of(faces[side.face as usize], end) as u32
 }
 
-/// The number of rings of the sides of edges that have other than two faces. Two sides are neighbours if they end the
-/// same fan.
+/// The number of closed loops of the sides of edges that have other than two faces. Two sides follow each other where
+/// they bound the same fan of faces.
 fn loops(faces: &[[u32; 3]], sides: &[Side], fans: &mut Groups) -> usize {
     let ends: Vec<&Side> = edges(sides).filter(|edge| edge.len() != 2).flatten().collect();
     let mut rings = Groups::new(ends.len());

@@ -23,12 +23,12 @@ use crate::error::MeshError;
 use crate::placed::check_positions;
 use crate::rings::Rings;
 
-/// Where the vertices of a subdivided mesh lie.
+/// A rule that places the vertices of a subdivided mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subdivision {
-    /// At old vertices and at the middle of edges: the surface is the same.
+    /// Old vertices stay, and new ones lie at the middle of edges: the surface is the same.
     Midpoint,
-    /// Where Loop's rules put them: the surface becomes smooth.
+    /// Loop's weights place old and new vertices: the surface becomes smooth.
     Loop,
 }
 

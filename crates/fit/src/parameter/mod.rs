@@ -1,4 +1,4 @@
-//! Named parameters: what a fit changes.
+//! Named parameters, which a fit changes.
 //!
 //! Each parameter has a learning rate of its own and, where its values are restricted, a mapping
 //! from *raw* numbers that an optimizer may move freely: `value = mapping(raw)`. Vertices of a mesh may

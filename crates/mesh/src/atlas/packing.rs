@@ -1,7 +1,7 @@
 //! Charts side by side in a square.
 //!
-//! The highest come first. Each goes where it lies lowest on those before, its horizon below on the
-//! horizon of those, and leftmost of such places. The scale is the largest of a bisection at which all have room.
+//! The highest charts come first. Each is dropped on the horizon of those before, at the place where it lies lowest,
+//! and leftmost of such places. A bisection finds the largest scale at which all charts have room.
 //!
 //! # Source
 //! Lévy et al., *Least Squares Conformal Maps for Automatic Texture Atlas Generation*, SIGGRAPH 2002, section 4.
@@ -10,16 +10,16 @@ use bokashi_render_ops::glam::DVec2;
 
 use super::flat::FlatChart;
 
-/// Horizons have at most so many columns: more cost time and gain little room.
+/// The most columns of a horizon: more cost time and gain little room.
 const COLUMNS: usize = 512;
-/// Halvings of the scale's range.
+/// The number of steps of the bisection.
 const HALVINGS: usize = 12;
 
 /// Where charts lie in a texture.
 pub(super) struct Packing {
-    /// Texels per unit of the charts.
+    /// The number of texels per unit of the charts.
     pub(super) scale: f64,
-    /// Where each chart's least coordinates lie, in texels.
+    /// The place of each chart's least coordinates, in texels.
     pub(super) corners: Vec<DVec2>,
 }
 
@@ -38,8 +38,8 @@ impl Packing {
     }
 }
 
-/// The charts in a texture of `size` by `size` texels, each `reach` texels from its border; `None` where that has no
-/// room for them.
+/// Packs charts into a texture of `size` by `size` texels. Each chart has a gutter of `reach` texels. `None` where the
+/// texture has no room for them.
 pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Packing> {
     // In blocks, so that the work does not grow with the texture.
     let block = size.div_ceil(COLUMNS);
@@ -56,7 +56,7 @@ pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Pa
     if charts.is_empty() {
         return at(f64::INFINITY);
     }
-    // Neither is the texture smaller than all charts together, nor narrower than one with its gutters.
+    // The scale is bounded: charts cover at most the whole texture, and the longest fits in with its gutters.
     let area: f64 = charts.iter().map(FlatChart::area).sum();
     let longest = charts.iter().fold(0.0, |most: f64, chart| most.max(chart.extent.max_element()));
     let most = (size as f64 / area.sqrt()).min((size as f64 - 2.0 * reach) / longest);

@@ -1,9 +1,9 @@
-//! Vertices at one place, and faces without an area between them, dropped without opening the surface.
+//! Merges vertices at one place, and drops faces without an area, without opening the surface.
 //!
-//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two of
-//! them is collapsed where the surface stays what it is. That is so where the links of its ends meet in the link of
-//! the edge alone. The others stay, with their faces: to drop them would pinch the surface at the point, or tear it.
-//! A tetrahedron at one point, which has no volume, is dropped.
+//! Where the field is 0 at a point of the grid, the vertices of all its edges stand at this point. An edge between two
+//! of them is collapsed where the topology stays the same: the links of its ends meet in the link of the edge alone.
+//! Other edges stay with their faces, since collapses would pinch or tear the surface. A tetrahedron of vertices at one
+//! point has no volume and is dropped.
 //!
 //! The vertex that stays is the one with the lower number. A border counts as the link to a vertex beyond.
 //!
@@ -19,7 +19,7 @@ use crate::triangle::other_corners;
 /// A vertex beyond the border.
 const BEYOND: u32 = u32::MAX;
 
-/// The edges of faces whose ends stand at one place, once each, the lower end first.
+/// The edges of faces with both ends at one place, each once and with the lower end first.
 pub(super) fn coincident_edges<T: PartialEq>(
     faces: &[[u32; 3]],
     vertices: &[[T; 3]],
@@ -32,8 +32,8 @@ pub(super) fn coincident_edges<T: PartialEq>(
     edges
 }
 
-/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left,
-/// and the faces, with the places of their vertices in this list.
+/// Collapses `edges`, those of [`coincident_edges`], as far as the topology allows. Returns the vertices that are left,
+/// and the faces, with indices into this list.
 pub(super) fn collapse(
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
@@ -74,8 +74,8 @@ impl Surface {
         Self { faces, stars, merged: Groups::new(vertex_count), places }
     }
 
-    /// The edges around a vertex: of each of its faces the one that it faces. On a border they go on from both ends to
-    /// the vertex beyond.
+    /// The link of a vertex: the edges of its faces that it faces. On a border the chain of these edges continues from
+    /// both ends to [`BEYOND`].
     fn link(&self, vertex: u32) -> Vec<[u32; 2]> {
         let star = &self.stars[vertex as usize];
         let across = |&face: &u32| {
@@ -90,7 +90,7 @@ impl Surface {
         link
     }
 
-    /// Whether nothing is left to do for an edge, since it was collapsed, now or with others.
+    /// Whether an edge is done: it is collapsed now, or was with others. Otherwise it is tried again later.
     fn is_settled(&mut self, edge: [u32; 2]) -> bool {
         let [a, b] = edge.map(|end| self.merged.first(end));
         let (kept, gone) = (a.min(b), a.max(b));

@@ -1,4 +1,4 @@
-//! Fits of scenes that begin, from the scene's start or from a file, alone or among ranks.
+//! How a fit of a scene begins: from the scene or from a saved fit, on one rank or on several.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -30,20 +30,19 @@ use crate::stopping::StopRules;
 use crate::targets::Targets;
 
 impl SceneFit {
-    /// A fit of `scene` from its start.
+    /// Begins a fit of `scene` from its start.
     ///
     /// # Errors
-    /// Whatever is wrong with what is to be learnt; [`SceneError::Content`] where no view can be learnt from.
+    /// Whatever is wrong with the scene's learnables; [`SceneError::Content`] where no view can be learnt from.
     pub fn new(scene: Scene) -> Result<Self, SceneError> {
         Self::prepare(scene, None, Arc::new(Alone))?.begun()
     }
 
-    /// [`SceneFit::new`] of a fit that the ranks of a job share: in steps each computes the losses of
-    /// some of the views; of others it reads images only to compare what all ranks were given. All have the same
-    /// parameters, to the bits of a fit alone.
+    /// Begins a fit that the ranks of a job share, as [`SceneFit::new`]. In a step each rank computes the losses of
+    /// some of the views. Images of other views are read once, to check that all ranks have the same. All ranks have
+    /// the same parameters, with the bits of a fit on one rank.
     ///
-    /// All ranks make the same calls of what says that they share it, and then an error of one is an error
-    /// of all.
+    /// All ranks must make the same calls of functions that say so. An error on one of them is then an error on all.
     ///
     /// # Errors
     /// As [`SceneFit::new`].
@@ -52,8 +51,8 @@ impl SceneFit {
         agreed(&*ranks, fit)?.begun()
     }
 
-    /// [`SceneFit::resume`] of a fit that the ranks of a job share, however many saved it: see
-    /// [`SceneFit::among`]. The first rank reads the file.
+    /// Resumes a fit that the ranks of a job share, as [`SceneFit::among`]. Any number of ranks may have saved it. The
+    /// first rank reads the file.
     ///
     /// # Errors
     /// As [`SceneFit::resume`].
@@ -72,12 +71,12 @@ impl SceneFit {
         agreed(&*ranks, fit)?.begun()
     }
 
-    /// [`SceneFit::among`], or [`SceneFit::resume_among`] of the file `resume`, of the scene that `load` gives: it
-    /// is told whether this is the first of the ranks. `settings` are what a program was asked for, by name.
+    /// Begins a fit that ranks share, or resumes it from the file `resume`, of the scene that `load` returns. The
+    /// argument of `load` is whether this is the first rank. `settings` are the options of the program, by name.
     ///
     /// # Errors
-    /// Those of `load` and of the fit; [`FitError::Unlike`] where ranks have other settings, with which they
-    /// would wait for each other for ever.
+    /// Those of `load` and of the fit; [`FitError::Unlike`] where the settings of ranks differ: they would wait for
+    /// each other for ever.
     pub fn begin_among<E: From<FitError> + From<SceneError> + ToString>(
         ranks: &Ranks<f32>,
         settings: &Given,
@@ -93,13 +92,13 @@ impl SceneFit {
         })
     }
 
-    /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
-    /// interrupted, where the scene is the same. What was changed in the scene takes effect from the next
-    /// step on, as if the fit had been so from its start: [`SceneFit::changed`] names it.
+    /// Resumes the fit that was saved to the file `path`. If the scene is the same, it goes on to the same bits as
+    /// without an interruption. Changes of the scene take effect from the next step on; [`SceneFit::changed`] names
+    /// them.
     ///
     /// # Errors
-    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, and where the scene learns
-    /// something else now, from elsewhere, or after other stages that are done.
+    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, and where the scene has other
+    /// learnables, other starts of them, or other stages before the present one.
     pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let bytes = saved::read(path.as_ref())?;
         Self::prepare(scene, Some(&bytes), Arc::new(Alone))?.begun()
@@ -166,8 +165,8 @@ impl SceneFit {
         })
     }
 
-    /// The fit, where all ranks, which share this call, were given the same; it knows what was changed since it
-    /// was saved.
+    /// Checks that all ranks were given the same scene, and finds out what was changed since the fit was saved. All
+    /// ranks make this call.
     fn begun(mut self) -> Result<Self, SceneError> {
         let Some((scene, starts)) = self.given.take() else { return Ok(self) };
         let origin = Origin { given: scene.given_among(&*self.ranks)?, starts };
@@ -181,7 +180,7 @@ impl SceneFit {
         Ok(self)
     }
 
-    /// Moves poses to the best of the starts that the scene asks for.
+    /// Moves poses to the best of their starts, if the scene asks for a search.
     fn choose_starts(&mut self) -> Result<(), SceneError> {
         let Self { renderer, targets, ranks, .. } = self;
         let Some(search) = Search::new(renderer, targets, ranks) else { return Ok(()) };
@@ -195,7 +194,7 @@ impl SceneFit {
     }
 }
 
-/// A stage by its index, which a saved fit may say.
+/// The stage with an index that may come from a saved fit.
 fn stage_of(stages: &[Stage], index: usize) -> Result<Stage, SceneError> {
     let missing = || {
         let rule = format!("one of the scene's {} stages", stages.len());
@@ -204,13 +203,13 @@ fn stage_of(stages: &[Stage], index: usize) -> Result<Stage, SceneError> {
     Ok(stages.get(index).cloned().ok_or_else(missing)?)
 }
 
-/// Whether a loss sees neighbours of pixels.
+/// Whether the loss of a pixel depends on its neighbours, so that whole images are drawn.
 fn is_dense(renderer: &Renderer) -> bool {
     let ssim = renderer.scene().description.loss.ssim;
     renderer.is_dense() || ssim.is_some_and(|share| share.0 > 0.0)
 }
 
-/// What draws a scene, and what is learnt of it, after its meshes got other vertices.
+/// The renderer and the learnables of a scene with the changed surfaces of a saved fit.
 fn with_surfaces(
     scene: Arc<Scene>,
     learnt: Learnt,
@@ -225,7 +224,7 @@ fn with_surfaces(
     Ok((Arc::new(Renderer::with_frame(Arc::new(scene), frame)?), learnt))
 }
 
-/// The fit in a file, which learns what a fit of the scene learns that starts now.
+/// The fit in a file, whose parameters must have the names and shapes of `fresh`.
 fn resumed(
     bytes: &[u8],
     preconditioners: &[(String, Preconditioner)],

@@ -1,4 +1,4 @@
-//! A fit of a scene under way: its steps, and what is known of it.
+//! A fit of a scene under way: its steps and its state.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use crate::saved_fit::Origin;
 use crate::scene::Scene;
 use crate::targets::Targets;
 
-/// After so many steps the ranks of a job compare their parameters: seldom enough that nobody notices.
+/// The number of steps between comparisons of the ranks' parameters, which then cost next to nothing.
 const BETWEEN_CHECKS: u64 = 100;
 
 /// A fit of a scene, under way.
@@ -32,55 +32,54 @@ pub struct SceneFit {
     pub(super) pipeline: StagePipeline,
     pub(super) rates: Vec<LearntRate>,
     pub(super) ranks: Ranks<f32>,
-    /// The scene as it was loaded, and where its parameters start, until the fit begins.
+    /// The scene as it was loaded, and the starts of its parameters. `None` once the fit has begun.
     pub(super) given: Option<(Arc<Scene>, Given)>,
-    /// What the fit was given that it goes on from, until it begins.
+    /// The origin of the saved fit that is resumed. `None` once the fit has begun.
     pub(super) from: Option<Origin>,
-    /// What was changed since the fit was saved, in words.
+    /// The changes of the scene since the fit was saved, in words.
     pub(super) changed: Vec<String>,
-    /// Which starts of poses were taken, in words.
+    /// The starts of poses that were chosen, in words.
     pub(super) starts: Vec<String>,
-    /// What was aligned since the last step.
+    /// The held-out views that were aligned since the last step.
     pub(super) aligned: Option<Aligned>,
 }
 
 impl SceneFit {
-    /// Of each mesh whose pose has several starts (`starts` of `[learn.pose]`), which of them was taken, in words.
-    /// Empty of a fit that was resumed.
+    /// The start that was chosen for each mesh whose pose has several (`starts` of `[learn.pose]`), in words. Empty
+    /// after a resume.
     pub fn starts(&self) -> &[String] {
         &self.starts
     }
 
-    /// What was changed in the scene since the fit was saved that it goes on from, in words. It takes effect
-    /// from the next step on.
+    /// The changes of the scene since the resumed fit was saved, in words. They take effect from the next step on.
     pub fn changed(&self) -> &[String] {
         &self.changed
     }
 
-    /// The rule of the scene's `[stop]` that ended the fit with its last step, in words, but for those of
-    /// steps and of time. [`SceneFit::step`] goes on all the same.
+    /// The rule of the scene's `[stop]` that ended the fit with its last step, in words. The rules of steps and of time
+    /// are left out. [`SceneFit::step`] goes on all the same.
     pub fn ended(&self) -> Option<String> {
         self.rule()?;
         self.pipeline.rules.ended()
     }
 
-    /// [`SceneFit::ended`], not in words.
+    /// The rule of [`SceneFit::ended`].
     pub(crate) fn rule(&self) -> Option<Stop> {
         let is_last = self.stage + 1 == self.stages.len();
         // Without progress an earlier stage ends, and the next one follows.
         self.pipeline.rules.stop().filter(|&stop| is_last || stop != Stop::NoProgress)
     }
 
-    /// The stages that a rule of the scene's `[stop]` ended early, by their indices: how many steps they did, of how
-    /// many. But for the last one: see [`SceneFit::ended`].
+    /// The stages that a rule of the scene's `[stop]` ended early: index, steps done, and steps planned. The last stage
+    /// is left out: see [`SceneFit::ended`].
     pub fn shortened_stages(&self) -> impl Iterator<Item = (usize, [u64; 2])> + '_ {
         let stages = self.stages.iter().map(|stage| stage.steps.0 as u64);
         let pairs = self.pipeline.done.iter().zip(stages).map(|(&done, steps)| [done, steps]);
         pairs.enumerate().filter(|(_, [done, steps])| done < steps)
     }
 
-    /// Whether all runs of the fit together took the seconds that the scene gives it. Clocks of ranks do not
-    /// agree: the first decides.
+    /// Whether all runs of the fit together have taken the seconds that the scene allows. The clock of the first rank
+    /// decides.
     pub fn is_time_up(&self) -> bool {
         self.pipeline.rules.is_time_up()
     }
@@ -90,26 +89,25 @@ impl SceneFit {
         self.renderer.scene()
     }
 
-    /// What is learnt.
+    /// The parameters that are learnt.
     pub fn parameters(&self) -> &Parameters<f32> {
         self.fit.parameters()
     }
 
-    /// The scene with what was learnt in the place of its own numbers, and of views that are
-    /// [aligned](SceneFit::align) what is their own.
+    /// The scene with its learnt numbers, and those of [aligned](SceneFit::align) views.
     ///
     /// # Errors
-    /// None: those of a parameter that is no number of the scene.
+    /// Those of a parameter that is no number of the scene; no fit has one.
     pub fn learnt(&self) -> Result<Scene, SceneError> {
         self.renderer.with_values(self.shown())
     }
 
-    /// How many steps are done, of all stages.
+    /// The number of steps done, in all stages.
     pub fn steps_done(&self) -> u64 {
         self.pipeline.done.iter().sum::<u64>() + self.fit.steps_done()
     }
 
-    /// How many steps there are, of all stages: of those that are done, the steps that they did.
+    /// The number of steps in all stages. A stage that is over counts with the steps that it did.
     pub fn steps(&self) -> u64 {
         let rest = self.stages[self.stage..].iter().map(|stage| stage.steps.0 as u64);
         self.pipeline.done.iter().copied().chain(rest).sum()
@@ -120,28 +118,28 @@ impl SceneFit {
         self.stage
     }
 
-    /// How many views a step draws, in the stage whose steps draw most.
+    /// The number of views that a step draws, in the stage with the most.
     pub fn most_views_per_step(&self) -> usize {
         let count = |stage| views_per_step(stage, self.learnt_from.len());
         self.stages.iter().map(count).max().unwrap_or(0)
     }
 
-    /// The ranks that share the fit: one, if nobody said otherwise.
+    /// The ranks that share the fit; one by default.
     pub fn ranks(&self) -> &Ranks<f32> {
         &self.ranks
     }
 
-    /// How many bytes all ranks together sent for the last step's gradients.
+    /// The number of bytes that all ranks together sent for the last step's gradients.
     pub fn bytes_sent(&self) -> u64 {
         self.pipeline.views.bytes_sent()
     }
 
-    /// Does a step; `None` where all are done. Ranks share it.
+    /// Does a step; `None` where all are done. All ranks make this call.
     ///
     /// # Errors
-    /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were. After every
-    /// hundredth step, [`FitError::Apart`] where ranks have come apart, and where held-out views are measured what is
-    /// wrong with their images: then parameters are those after the step.
+    /// As [`Fit::step`], and those of images. Parameters are then as they were before. Two errors come after the step:
+    /// [`FitError::Apart`] at every hundredth step where the ranks' parameters differ, and those of held-out views that
+    /// are measured.
     pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
         self.aligned = None;
         if self.is_stage_over() {
@@ -163,25 +161,25 @@ impl SceneFit {
         Ok(Some(stepped))
     }
 
-    /// Checks that all ranks, which share this call, have the same parameters to the bit.
+    /// Checks that all ranks have the same parameters, to the bit. All ranks make this call.
     ///
     /// # Errors
-    /// [`FitError::Apart`].
+    /// [`FitError::Apart`] otherwise.
     pub fn check_same(&self) -> Result<(), SceneError> {
         Ok(check_same(&*self.ranks, self.fit.parameters(), self.steps_done())?)
     }
 
-    /// Whether the stage has done its steps, or one before the last is ended by a rule.
+    /// Whether the stage has done its steps, or a rule ends it and it is not the last.
     fn is_stage_over(&self) -> bool {
         let is_last = self.stage + 1 == self.stages.len();
         self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64
             || !is_last && self.pipeline.rules.stop() == Some(Stop::NoProgress)
     }
 
-    /// Measures the views that are held out for a rule of the scene's `[stop]`, where it is their turn.
+    /// Measures held-out views for a rule of the scene's `[stop]`, if they are due after this step.
     ///
     /// # Errors
-    /// As [`SceneFit::align`], and what is wrong with an image. The step is done then.
+    /// As [`SceneFit::align`], and those of images. The step is done then.
     fn measure_if_due(&mut self) -> Result<(), SceneError> {
         if self.pipeline.rules.measures_after(self.fit.steps_done()) {
             let reduce = self.stages[self.stage].reduce.map_or(1, |reduce| reduce.0);
@@ -191,7 +189,7 @@ impl SceneFit {
         Ok(())
     }
 
-    /// Saves the fit to the file `path`, whole or not at all.
+    /// Saves the fit to the file `path`. After an error the file is as it was.
     ///
     /// # Errors
     /// As [`Fit::save`].
@@ -199,15 +197,15 @@ impl SceneFit {
         Ok(self.fit.save(path)?)
     }
 
-    /// Whether this is the rank that speaks and writes, of those that share the fit.
+    /// Whether this is the first rank, which prints and writes files.
     pub fn is_first(&self) -> bool {
         self.ranks.rank() == 0
     }
 
-    /// Does `work` on the first of the ranks, all of which make this call. They return when it is done.
+    /// Does `work` on the first rank. All ranks make this call, and return when it is done.
     ///
     /// # Errors
-    /// Its error, on all of them.
+    /// That of `work`, on all ranks.
     pub fn on_first<E: From<FitError> + ToString>(
         &self,
         work: impl FnOnce() -> Result<(), E>,
@@ -215,15 +213,15 @@ impl SceneFit {
         agreed(&*self.ranks, if self.is_first() { work() } else { Ok(()) })
     }
 
-    /// How many ranks share the fit.
+    /// The number of ranks that share the fit.
     pub fn size(&self) -> usize {
         self.ranks.size()
     }
 
-    /// What drawing a view leaves out, and why, by operation.
+    /// The work that drawing a view leaves out, and why, by operation.
     ///
     /// # Errors
-    /// What the operations refuse.
+    /// Those of the operations.
     pub fn left_out(&self, view: usize) -> Result<Vec<(&'static str, String)>, SceneError> {
         let tape = Tape::new();
         let variables = self.fit.parameters().record(&tape);

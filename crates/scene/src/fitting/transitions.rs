@@ -1,4 +1,4 @@
-//! What changes between two steps: the stage, and meshes that get other vertices or a texture.
+//! Changes between two steps: the next stage, and meshes with other vertices or a texture.
 
 use std::sync::Arc;
 
@@ -16,12 +16,12 @@ use crate::renderer::Renderer;
 use crate::saved_fit::{Surface, surfaces_to_bytes};
 use crate::scene::Scene;
 
-/// What a fit goes on with whose meshes got other vertices, or a texture.
+/// The parts of a fit that are new after its meshes got other vertices, or a texture.
 struct Remade {
     renderer: Arc<Renderer>,
     learnt: Learnt,
     parameters: Parameters<f32>,
-    /// As they are saved.
+    /// The bytes of changed surfaces in a saved fit.
     surfaces: Vec<u8>,
 }
 
@@ -36,7 +36,7 @@ impl SceneFit {
             && !learns_fields(self.scene(), next);
         let mut parameters = match leaves_field {
             true => {
-                // A rank may lack memory: then none goes on.
+                // A rank may lack memory: then all ranks stop.
                 let Remade { renderer, learnt, parameters, surfaces } =
                     agreed(&*self.ranks, self.settled())?;
                 (self.rates, self.renderer) = (learnt.rates, renderer);
@@ -66,7 +66,7 @@ impl SceneFit {
         Ok(())
     }
 
-    /// Gives meshes other vertices, where it is their turn before the next step.
+    /// Remeshes, if a remeshing is due before the next step.
     ///
     /// # Errors
     /// As [`remeshed`]. The fit is then as it was.
@@ -79,7 +79,7 @@ impl SceneFit {
         Ok(())
     }
 
-    /// Gives meshes a texture, where a stage says so and they have none.
+    /// Gives meshes a texture, if the stage does so and they have none.
     ///
     /// # Errors
     /// As [`textured`]. The fit is then as it was.
@@ -96,9 +96,9 @@ impl SceneFit {
         Ok(())
     }
 
-    /// Goes on with meshes that were made anew, on all ranks.
+    /// Puts the new parts in the place of the old ones, on all ranks or, after an error, on none.
     fn go_on_with(&mut self, made: Result<Remade, SceneError>) -> Result<(), SceneError> {
-        // A rank may lack memory: then none goes on.
+        // A rank may lack memory: then all ranks stop.
         let Remade { renderer, learnt, parameters, surfaces } = agreed(&*self.ranks, made)?;
         let (stage, seed) = (&self.stages[self.stage], renderer.scene().description.seed);
         *self.fit.parameters_mut() = parameters;
@@ -112,7 +112,7 @@ impl SceneFit {
         Ok(())
     }
 
-    /// How meshes are remeshed before the next step, if they are.
+    /// The remeshing that is due before the next step, if one is.
     fn remesh_due(&self) -> Option<Remesh> {
         let (to, done) = (self.stages[self.stage].remesh.as_ref()?, self.fit.steps_done());
         let is_turn = match to.every {
@@ -122,7 +122,7 @@ impl SceneFit {
         (is_turn && self.pipeline.remeshed != Some(self.steps_done())).then(|| to.clone())
     }
 
-    /// What a fit of another scene goes on with.
+    /// The new parts for a scene with other meshes. `carried` has the numbers at new vertices.
     fn remade(
         &self,
         scene: Scene,
@@ -144,7 +144,7 @@ impl SceneFit {
         Ok(Remade { renderer, learnt, parameters, surfaces })
     }
 
-    /// What a fit goes on with whose fields are no longer learnt: their surfaces are meshes from then on.
+    /// The new parts once fields are no longer learnt: their surfaces become meshes.
     fn settled(&self) -> Result<Remade, SceneError> {
         let (before, frame) = (self.fit.parameters(), self.renderer.frame().clone());
         let scene = settled(self.scene(), &frame, before)?;
