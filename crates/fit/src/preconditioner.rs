@@ -80,8 +80,8 @@ impl Preconditioner {
     /// It factors a matrix of the size of the mesh, which takes some microseconds per vertex.
     ///
     /// # Errors
-    /// [`TensorError::Value`] for a lambda that is not from 0 to 1e12, beyond which nothing of I is left
-    /// in `f64`, or where there is no memory for the factor.
+    /// [`TensorError::Value`] for a lambda outside 0 to 1e12, beyond which nothing of I is left in `f64`; also where
+    /// there is no memory for the factor.
     pub fn new(topology: &Topology, lambda: f64) -> Result<Self, TensorError> {
         if !(0.0..=1e12).contains(&lambda) {
             let rule = "a lambda from 0 to 1e12".into();
@@ -114,8 +114,8 @@ impl Factor {
         let mut ends = starts[..count].to_vec();
         let (mut row, mut columns) = (vec![0.0; count], Vec::new());
         let mut visited = vec![usize::MAX; count];
-        // Row by row, "up-looking". Of row k only those columns have an entry that lie on the ways from its
-        // entries in A to the root of the elimination tree.
+        // Row by row, "up-looking". The columns with an entry in row k are those of A, and all on the paths from them
+        // to the root of the elimination tree.
         for k in 0..count {
             columns.clear();
             tree.parents

@@ -9,9 +9,8 @@
 //!
 //! # What crosses the wire
 //! First all ranks exchange their values, and which inputs their parts depend on, or their errors. Then gradients are
-//! sent in pieces: a rank sends the next piece while the last one is added. Where both ranks have as many parts, one
-//! adds the first half of the numbers and the other the second half, so that messages go both ways at once. At the end
-//! all ranks receive the sum.
+//! sent in pieces: a rank sends the next piece while the last one is added. Where both ranks have as many parts, each
+//! of them adds one half of the numbers, so that messages go both ways at once. At the end all ranks receive the sum.
 //!
 //! All ranks know all messages beforehand and send them in one order. So no rank waits for ever.
 

@@ -191,12 +191,12 @@ impl Topology {
         )
     }
 
-    /// The cotangent Laplacian of the positions `[V, 3]`, `[V, V]`, a constant: the sum of weights on
-    /// the diagonal, and `-w_ij` for each neighbour, with `w_ij` half the sum of the cotangents of the
-    /// angles that face the edge. It is symmetric and positive semi-definite.
+    /// The cotangent Laplacian of the positions `[V, 3]`, `[V, V]`, a constant. An edge has the weight `w_ij`, half the
+    /// sum of the cotangents of the angles that face it. Off the diagonal the entries are `-w_ij`, and on it the sums
+    /// of weights. The matrix is symmetric and positive semi-definite.
     ///
-    /// A face without an area adds nothing. A face with a cotangent above 1000 (an angle below a seventeenth of a
-    /// degree) has all three cotangents scaled down to that bound, which keeps the matrix positive semi-definite.
+    /// A face without an area adds nothing. Where a cotangent is above 1000, at an angle below a seventeenth of a
+    /// degree, all three of the face are scaled down to that bound. The matrix stays positive semi-definite so.
     ///
     /// # Errors
     /// [`TensorError::Shape`] unless the positions are `[V, 3]` with as many vertices as the mesh;

@@ -1,11 +1,11 @@
 //! Fits over a set of views: the mean of the losses of all views, or of some that each step draws.
 //!
 //! Each view is recorded on a tape of its own ([`Tape::sum_over`]), and its backward pass runs at once.
-//! So views are computed at the same time, memory is that of the views under way, and values and
-//! gradients are added in a tree over the views' indices: the same bits for any number of threads.
+//! So views are computed at the same time, and memory is that of the views under way. Values and gradients
+//! are added in a tree over the views' indices, so the bits are the same for any number of threads.
 //!
 //! The views can be divided among the ranks of a job ([`Views::among`]). Each rank then computes its own,
-//! and the sums of all ranks are added in the same tree: the same bits for any number of ranks.
+//! and the sums of all ranks are added in the same tree. So the bits are the same for any number of ranks.
 
 use std::fmt;
 use std::marker::PhantomData;

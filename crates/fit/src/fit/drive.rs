@@ -14,8 +14,8 @@
 //!
 //! # Ranks
 //! All ranks of a job drive the same fit with the same rules, and agree before each step whether to go on. The
-//! clock of the first rank decides on time. A signal to any rank, an error of a listener on any rank, and a
-//! break of a listener on the first rank end the loop on all ranks.
+//! clock of the first rank decides on time. Three events end the loop on all ranks: a signal to any rank,
+//! an error of a listener on any rank, and a break of a listener on the first rank.
 
 use std::ops::ControlFlow;
 use std::time::Instant;

@@ -57,8 +57,8 @@ pub struct BeforeUpdate<F>(F);
 #[derive(Debug, Clone, Copy)]
 pub struct AfterStep<F>(F);
 
-/// A listener that calls `function` before the first step, after each `steps` steps of the fit (1 or more) and at the
-/// end, on all ranks. After a signal there is no call at the end. In a resumed fit the first call is at the next
+/// A listener that calls `function` before the first step, after each `steps` steps (1 or more), and at the end. All
+/// ranks call it. After a signal there is no call at the end. In a resumed fit the first call is at the next
 /// multiple of `steps`.
 pub fn every<S, F>(steps: u64, function: F) -> Every<F>
 where

@@ -1,8 +1,8 @@
 //! Structural similarity of images.
 //!
 //! # Forward
-//! Around each place where a window of 11 x 11 pixels fits, and for each channel, with the weights w of
-//! a Gaussian of sigma 1.5: `mx = sum w x`, `vx = sum w x^2 - mx^2`, `vxy = sum w x y - mx my`, and so
+//! Windows of 11 x 11 pixels lie at each place where they fit. For each window and channel, with the weights w of a
+//! Gaussian of sigma 1.5: `mx = sum w x`, `vx = sum w x^2 - mx^2`, `vxy = sum w x y - mx my`, and so
 //! for y. With `c1 = (0.01 peak)^2` and `c2 = (0.03 peak)^2`:
 //! `l = (2 mx my + c1) / (mx^2 + my^2 + c1)` and `cs = (2 vxy + c2) / (vx + vy + c2)`.
 //!

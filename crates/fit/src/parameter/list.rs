@@ -57,9 +57,10 @@ impl<T: Scalar> Parameters<T> {
     /// The list with `parameter` at its end.
     ///
     /// # Errors
-    /// [`FitError::Setting`] for a name that is taken, a rate that is negative or not finite, or
-    /// a value that is not finite or that its mapping does not reach, or a mapping beside a
-    /// preconditioner; `TensorError::Shape` for a preconditioner of another number of vertices.
+    /// - [`FitError::Setting`] for a name that is taken, for a rate that is negative or not finite, and for a mapping
+    ///   beside a preconditioner.
+    /// - [`FitError::Setting`] for a value that is not finite, or that its mapping does not reach.
+    /// - `TensorError::Shape` for a preconditioner of another number of vertices.
     pub fn with(mut self, mut parameter: Parameter<T>) -> Result<Self, FitError> {
         if self.names.contains(&parameter.name) {
             let name = format!("{:?} twice", parameter.name);

@@ -6,9 +6,9 @@
 //! rotation that makes its own sum smallest (`best_rotation`, of `sum_j w_ij r_ij p_ij'`).
 //!
 //! # Backward
-//! `p_bar_i = (2 L_bar / V) sum_j w_ij (2 p_ij - (R_i + R_j) r_ij)`. The rotations are taken as fixed:
-//! each is the best for the positions at hand, so to first order L does not change with it (envelope
-//! theorem), and the gradient is exact.
+//! `p_bar_i = (2 L_bar / V) sum_j w_ij (2 p_ij - (R_i + R_j) r_ij)`. The rotations are constants.
+//! Each is the best for the present positions, so to first order L does not change with it (envelope theorem). So the
+//! gradient is exact.
 //!
 //! # Where it is not smooth
 //! Where several rotations are equally good: a vertex with edges along one line, or turned inside out.

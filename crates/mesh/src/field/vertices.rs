@@ -3,8 +3,8 @@
 //! # Forward
 //! Let `a` be the inner end and `b` the outer one, `f_a < 0 <= f_b`, and `r = f_b / f_a`. Then `w_b = 1 / (1 - r)`,
 //! `w_a = -r w_b`, and `p = w_a p_a + w_b p_b`. That is `(p_a f_b - p_b f_a) / (f_b - f_a)`, without a product that
-//! could overflow. The vertex is an offset from the nearer end. So a vertex at a point of the grid is exactly there,
-//! and a vertex on an edge in a plane of the grid is exactly in that plane.
+//! could overflow. The vertex is an offset from the nearer end. So a vertex at a point of the grid is exactly
+//! there. A vertex on an edge in a plane of the grid is exactly in that plane.
 //!
 //! # Backward
 //! With `g = p_bar . (p_b - p_a)` and `s = f_a - f_b`, which is negative: `f_bar_a += g w_a / s`,

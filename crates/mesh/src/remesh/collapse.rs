@@ -131,8 +131,8 @@ impl Changing<'_> {
         beyond.next().is_some_and(|it| along(it, vertex).dot(along(vertex, other)) >= STRAIGHT)
     }
 
-    /// Whether the faces around both ends stay within the limits of `guard` when the ends meet at `point`, and no edge
-    /// becomes so long that it would be split.
+    /// Whether the ends of an edge may meet at `point`. The faces around them must stay within the limits of `guard`,
+    /// and no edge may become so long that it would be split.
     fn may_join(&self, edge: &Edge, gone: u32, kept: u32, (site, point): (Site, DVec3)) -> bool {
         let target = self.target_of(kept, site);
         let (mut proposals, mut faces) = (Proposals::new(), SmallVec::<[u32; 16]>::new());

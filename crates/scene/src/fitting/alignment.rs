@@ -3,8 +3,8 @@
 //!
 //! Steps of a fit learn the cameras of the views that they draw. A held-out view would be scored with the error of a
 //! camera that was never learnt. So its parameters alone are fitted at the end, by the loss of the fit, from small
-//! images to larger ones, as is usual where cameras are learnt (Wang et al., *NeRF--*, 2021, section 4; Lin et al.,
-//! *BARF*, ICCV 2021, section 4).
+//! images to larger ones. That is usual where cameras are learnt: Wang et al., *NeRF--*, 2021, section 4, and Lin et
+//! al., *BARF*, ICCV 2021, section 4.
 //!
 //! An alignment starts from the numbers of the scene, whatever was aligned before, and steps do not see its result. So
 //! it is the same after any interruption. Each view is fitted on one thread, so its bits depend on no other view.

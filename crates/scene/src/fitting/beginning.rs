@@ -97,8 +97,8 @@ impl SceneFit {
     /// them.
     ///
     /// # Errors
-    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, and where the scene has other
-    /// learnables, other starts of them, or other stages before the present one.
+    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit. The same error for a scene with
+    /// other learnables, other starts of them, or other stages before the present one.
     pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let bytes = saved::read(path.as_ref())?;
         Self::prepare(scene, Some(&bytes), Arc::new(Alone))?.begun()

@@ -104,8 +104,8 @@ impl Silhouette {
     }
 }
 
-/// An image in square blocks of pixels. Blocks are so wide that each block inside the image of a grid has a point of
-/// the grid, at the distance of the grid's middle.
+/// An image in square blocks of pixels. At the distance of a grid's middle, each block inside the image of the grid has
+/// a point of the grid.
 #[derive(Debug)]
 pub(super) struct Blocks {
     camera: Camera,
