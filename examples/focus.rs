@@ -11,7 +11,7 @@ const SIZE: Size = Size { width: 72, height: 48 };
 const DISTANCES: [f64; 3] = [2.0, 3.5, 7.0];
 
 /// The fragments of the boards.
-fn boards() -> Result<StillFragments<f64>, FitError> {
+fn boards() -> Result<ConstantFragments<f64>, FitError> {
     let mut corners = Vec::new();
     for (k, distance) in DISTANCES.into_iter().enumerate() {
         // As large in the picture as the others.
@@ -25,11 +25,14 @@ fn boards() -> Result<StillFragments<f64>, FitError> {
     let tape = Tape::new();
     let positions = tape.constant(&Tensor::from(corners));
     let clip = project(positions, &perspective(0.7, 1.5, 0.1, 50.0), None)?;
-    Ok(rasterize(clip, boards.mesh(), SIZE)?.still())
+    Ok(rasterize(clip, boards.mesh(), SIZE)?.constant())
 }
 
 /// What a lens makes of the boards: their picture, out of focus where they are.
-fn photo<'t>(boards: &StillFragments<f64>, lens: Lens<'t, f64>) -> Result<Var<'t, f64>, FitError> {
+fn photo<'t>(
+    boards: &ConstantFragments<f64>,
+    lens: Lens<'t, f64>,
+) -> Result<Var<'t, f64>, FitError> {
     let tape = lens.focus.tape();
     let fragments = boards.on(tape);
     // Stripes of three pixels.

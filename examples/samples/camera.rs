@@ -62,10 +62,10 @@ fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let truth: Vec<_> = (0..CAMERAS).map(|_| random.view(2.6, 0.1)).collect();
     let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.02) * *view).collect();
     let tape = Tape::new();
-    let still = tape.constant(&Tensor::zeros([CAMERAS, 6]));
+    let zeros = tape.constant(&Tensor::zeros([CAMERAS, 6]));
     let [intrinsics, distortion] =
         [&INTRINSICS[..], &DISTORTION].map(|numbers| tape.constant(&Tensor::from(numbers)));
-    let known = Cameras(&truth, [still, intrinsics, distortion]);
+    let known = Cameras(&truth, [zeros, intrinsics, distortion]);
     let images = (0..CAMERAS).map(|k| Ok(scene.image(&known, k)?.value()));
     let (targets, places) = (images.collect::<Result<Vec<_>, FitError>>()?, scene.pixels(&known)?);
 

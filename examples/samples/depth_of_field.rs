@@ -44,16 +44,16 @@ impl Scene {
 fn run_case(request: &Request, learns_vertices: bool) -> Result<Vec<Outcome>, FitError> {
     let mut random = Random::new(request.seed, 0);
     let boards = Boards::new(&[2.2, 3.6, 7.0], &mut random)?;
-    let still = boards.shape.vertices.map(|_| 0.0);
+    let zeros = boards.shape.vertices.map(|_| 0.0);
     let scene = Scene { boards, silhouettes: request.silhouettes };
     let tape = Tape::new();
     let [aperture, focus] = [APERTURE, FOCUS].map(|number| tape.constant_scalar(number));
-    let target = scene.photo(aperture, focus, tape.constant(&still))?.value();
+    let target = scene.photo(aperture, focus, tape.constant(&zeros))?.value();
 
     let positive = |name, start: f32| {
         Parameter::new(name, Tensor::scalar(start)).mapping(Mapping::Softplus).rate(0.03)
     };
-    let off = still.map(|_| if learns_vertices { random.between(-0.03, 0.03) as f32 } else { 0.0 });
+    let off = zeros.map(|_| if learns_vertices { random.between(-0.03, 0.03) as f32 } else { 0.0 });
     let moves = Parameter::new("moves", off).rate(1e-3);
     let parameters = Parameters::new()
         .with(positive("aperture", APERTURE * random.between(0.6, 1.4) as f32))?

@@ -6,7 +6,9 @@
 //! well known: a rough metal looks much like a dielectric of another colour.
 
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, StillLights, StillSurface, learn, planet, sky, substance};
+use bokashi_examples::stage::{
+    ConstantLights, ConstantSurface, Random, learn, planet, sky, substance,
+};
 use bokashi_examples::{Goal, Outcome, Request};
 
 bokashi_examples::sample!("material", "learns what an object is made of, from 16 pictures");
@@ -18,8 +20,8 @@ const MAPS: [&str; 3] = ["base colour", "roughness", "metallic"];
 
 /// What does not change.
 struct Scene {
-    views: Vec<StillSurface>,
-    lights: StillLights,
+    views: Vec<ConstantSurface>,
+    lights: ConstantLights,
 }
 
 impl Scene {
@@ -54,16 +56,17 @@ fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
         })
     };
     let truth = parameters(substance(TEXELS, random), Mapping::Identity)?;
-    let lights = StillLights::new(&sky(64, random), random.direction())?;
+    let lights = ConstantLights::new(&sky(64, random), random.direction())?;
     let options = RasterOptions::new(Size::square(256)).cull(Cull::Back);
     let (object, options) = (planet()?, options.silhouettes(request.silhouettes));
     let all = 0..LEARNT + HELD_OUT;
-    let stills = all.clone().map(|_| StillSurface::new(&object, 3.2 * random.direction(), options));
-    let scene = Scene { views: stills.collect::<Result<_, _>>()?, lights };
-    let still = |k: usize, maps: &Parameters<f32>| -> Result<_, FitError> {
+    let surfaces =
+        all.clone().map(|_| ConstantSurface::new(&object, 3.2 * random.direction(), options));
+    let scene = Scene { views: surfaces.collect::<Result<_, _>>()?, lights };
+    let draw = |k: usize, maps: &Parameters<f32>| -> Result<_, FitError> {
         Ok(scene.image(k, &maps.record(&Tape::new()))?.value())
     };
-    let targets = all.map(|k| still(k, &truth)).collect::<Result<Vec<_>, _>>()?;
+    let targets = all.map(|k| draw(k, &truth)).collect::<Result<Vec<_>, _>>()?;
     let grey = [3, 1, 1].map(|channels| Tensor::full([TEXELS, TEXELS, channels], 0.5));
 
     let steps = request.steps(300);
@@ -77,7 +80,7 @@ fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let ratios = |learnt: &Parameters<f32>| {
         let mut held_out = 0.0;
         for k in LEARNT..LEARNT + HELD_OUT {
-            held_out += psnr(&still(k, learnt)?, &targets[k], 1.0)? / HELD_OUT as f64;
+            held_out += psnr(&draw(k, learnt)?, &targets[k], 1.0)? / HELD_OUT as f64;
         }
         // Of all texels, seen or not.
         let mut all = [held_out; 4];
@@ -90,7 +93,7 @@ fn run(request: &Request) -> Result<Vec<Outcome>, FitError> {
     let (learnt, curves) = learn(grey, settings, &mut pipeline, 50, ratios)?;
     let [views, maps @ ..] = curves;
     let views = Outcome::last("PSNR of held-out views, in dB", Goal::Above(30.0), steps, views)
-        .picture("held-out view", &still(LEARNT, &learnt)?)
+        .picture("held-out view", &draw(LEARNT, &learnt)?)
         .picture("its truth", &targets[LEARNT]);
     let maps = MAPS.into_iter().zip(maps).map(|(name, curve)| {
         Outcome::last(format!("PSNR of {name}, in dB"), Goal::None, steps, curve)

@@ -43,10 +43,10 @@ fn run_case(request: &Request, has_large_steps: bool) -> Result<Vec<Outcome>, Fi
     let mut random = Random::new(request.seed, 0);
     let cameras: Vec<_> = (0..LEARNT + HELD_OUT).map(|_| camera(&mut random)).collect();
     let (bunny, Shape { mesh, vertices: start }) = (bunny()?, ball(4)?);
-    let still = |vertices: &Tensor<f32>, mesh: &Mesh, camera: &DMat4| -> Result<_, FitError> {
+    let draw = |vertices: &Tensor<f32>, mesh: &Mesh, camera: &DMat4| -> Result<_, FitError> {
         Ok(mask(Tape::new().constant(vertices), mesh, camera, request.silhouettes)?.value())
     };
-    let targets = cameras.iter().map(|camera| still(&bunny.vertices, &bunny.mesh, camera));
+    let targets = cameras.iter().map(|camera| draw(&bunny.vertices, &bunny.mesh, camera));
     let targets = targets.collect::<Result<Vec<_>, _>>()?;
     let topology = Topology::new(mesh.faces(), mesh.vertex_count())?;
     let laplacian = topology.uniform_laplacian();
@@ -74,7 +74,7 @@ fn run_case(request: &Request, has_large_steps: bool) -> Result<Vec<Outcome>, Fi
         let vertices = learnt.value("vertices")?;
         let held_out = cameras.iter().zip(&targets).skip(LEARNT);
         let overlaps = held_out.map(|(camera, target)| {
-            Ok::<_, FitError>(iou(&hard(&still(&vertices, &mesh, camera)?), &hard(target))?)
+            Ok::<_, FitError>(iou(&hard(&draw(&vertices, &mesh, camera)?), &hard(target))?)
         });
         Ok([overlaps.sum::<Result<f64, _>>()? / HELD_OUT as f64])
     };
@@ -84,7 +84,7 @@ fn run_case(request: &Request, has_large_steps: bool) -> Result<Vec<Outcome>, Fi
     let word = if has_large_steps { "large steps" } else { "a plain Laplacian" };
     let goal = if has_large_steps { Goal::Above(0.97) } else { Goal::None };
     let iou = Outcome::last(format!("IoU of held-out views, {word}"), goal, steps, curve)
-        .picture(&format!("held out, {word}"), &still(&vertices, &mesh, &cameras[LEARNT])?)
+        .picture(&format!("held out, {word}"), &draw(&vertices, &mesh, &cameras[LEARNT])?)
         .picture("held out, target", &targets[LEARNT]);
     let metric = format!("mean surface distance, radius 1, {word}");
     let value = surface_distance(&vertices, &bunny);

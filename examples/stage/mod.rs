@@ -22,5 +22,5 @@ pub use mesh::{Boards, Object, Shape, ball, bunny, cluster, cube, planet, sphere
 pub use outcome::{Curve, Goal, Outcome};
 pub use random::Random;
 pub use request::Request;
-pub use sky::{StillLights, column, sky};
-pub use surface::StillSurface;
+pub use sky::{ConstantLights, column, sky};
+pub use surface::ConstantSurface;

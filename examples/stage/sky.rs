@@ -36,13 +36,13 @@ pub fn sky(side: usize, random: &mut Random) -> Tensor<f32> {
 
 /// An environment and a lamp far away, as numbers that don't change.
 #[derive(Debug, Clone)]
-pub struct StillLights {
+pub struct ConstantLights {
     harmonics: Tensor<f32>,
     reflections: Vec<Tensor<f32>>,
     direction: Tensor<f32>,
 }
 
-impl StillLights {
+impl ConstantLights {
     /// The light of `sky`, `[6, S, S, 3]`, and of a white lamp in this direction.
     ///
     /// # Errors

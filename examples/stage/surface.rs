@@ -7,9 +7,9 @@ use super::mesh::Object;
 
 /// The surface that a camera sees, as numbers that don't change.
 #[derive(Debug, Clone)]
-pub struct StillSurface {
+pub struct ConstantSurface {
     /// The fragments.
-    pub fragments: StillFragments<f32>,
+    pub fragments: ConstantFragments<f32>,
     /// Their normals, `[N, 3]`.
     pub normals: Tensor<f32>,
     /// The ways to the eye, `[N, 3]`.
@@ -18,7 +18,7 @@ pub struct StillSurface {
     pub places: Tensor<f32>,
 }
 
-impl StillSurface {
+impl ConstantSurface {
     /// `object` from `eye`, seen towards 0.
     ///
     /// # Errors
@@ -37,7 +37,7 @@ impl StillSurface {
             normals: interpolate(tape.constant(normals), &fragments)?.value(),
             views: (eye - interpolate(vertices, &fragments)?).value(),
             places: interpolate(tape.constant(places), &fragments)?.value(),
-            fragments: fragments.still(),
+            fragments: fragments.constant(),
         })
     }
 }

@@ -101,11 +101,11 @@ const COMPOSITIONS: [&str; 10] = [
 const COMPOSED: [&str; 7] = [
     "blurred_pictures",
     "compositions",
+    "constant_fragments",
+    "constant_textures",
     "environment",
     "exact_coverage",
     "pipeline",
-    "still_fragments",
-    "still_textures",
 ];
 
 #[test]

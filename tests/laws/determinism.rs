@@ -56,7 +56,7 @@ impl Sphere {
             composite(exact_surface, &exact, Background::Image(background))?.image()?;
         let exact_loss = exact_image.square().sum() + depth(&exact)?.square().sum();
         let dark = antialias(composite(surface, &fragments, Background::Zero)?)?;
-        assert!(dark.values().shape()[0] > fragments.coverage.count(), "the picture has a rim");
+        assert!(dark.values().shape()[0] > fragments.coverage.count(), "some pixels are blended");
         // Several, for a sum in another order may be the same.
         let errors = (0..8).map(|k| {
             let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);

@@ -37,7 +37,7 @@ pub fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Ve
     let Size { width, height } = fragments.coverage.size();
     let depth = depth(fragments).unwrap().value();
     let coverage = &fragments.coverage;
-    let seen: Vec<Option<Seen>> = (0..width * height)
+    let visible: Vec<Option<VisibleFace>> = (0..width * height)
         .map(|pixel| {
             let fragment = coverage.fragment_at(pixel)?;
             Some((coverage.face_at(pixel)?, depth.data()[fragment].to_f64()))
@@ -48,10 +48,10 @@ pub fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Ve
         for column in 0..width {
             let first = row * width + column;
             if column + 1 < width {
-                blends.extend(blend(coverage, &seen, clip, [first, first + 1]));
+                blends.extend(blend(coverage, &visible, clip, [first, first + 1]));
             }
             if row + 1 < height {
-                blends.extend(blend(coverage, &seen, clip, [first, first + width]));
+                blends.extend(blend(coverage, &visible, clip, [first, first + width]));
             }
         }
     }
@@ -59,17 +59,17 @@ pub fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Ve
 }
 
 /// The face that a pixel's centre sees, and how deep.
-pub type Seen = (usize, f64);
+pub type VisibleFace = (usize, f64);
 
 fn blend(
     coverage: &Coverage,
-    seen: &[Option<Seen>],
+    visible: &[Option<VisibleFace>],
     clip: &Tensor<f64>,
     pair: [usize; 2],
 ) -> Option<Blend> {
     let Size { width, height } = coverage.size();
     let faces = coverage.mesh().faces();
-    let (face, covers_first) = match (seen[pair[0]], seen[pair[1]]) {
+    let (face, covers_first) = match (visible[pair[0]], visible[pair[1]]) {
         (None, None) => return None,
         (Some((face, _)), None) => (face, true),
         (None, Some((face, _))) => (face, false),

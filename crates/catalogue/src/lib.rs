@@ -52,7 +52,7 @@ macro_rules! for_each_operation {
                 rasterize_behind differentials sample_texture sample_cube_map
                 interpolate composite composite_layers over antialias depth eye_depth
                 depth_of_field lens_picture gaussian_blur downsample pictures blurred_pictures
-                still_fragments still_textures exact_coverage pipeline;
+                constant_fragments constant_textures exact_coverage pipeline;
             losses:
                 mean_error ssim_error silhouette_error depth_error halved
                 total_variation vertices weighted_error;

@@ -5,10 +5,8 @@
 //! sum of squares is, since it is formed in [`Scalar::Wide`].
 
 use crate::scalar::Scalar;
-use crate::summation::sum;
+use crate::summation::inner_product;
 
-/// From so many squares on their sum is formed in several parts side by side.
-const LONG: usize = 8;
 /// From here on a sum of squares has all its digits: what a square loses to underflow, at most 2^-1074,
 /// is far below the rounding of such a sum, even of as many squares as fit into memory.
 const SMALLEST: f64 = f64::from_bits((1023 - 960) << 52);
@@ -80,13 +78,7 @@ impl<W: Scalar> Length<W> {
 /// The length of `x`.
 #[inline(always)]
 pub(crate) fn length<T: Scalar>(x: &[T]) -> Length<T::Wide> {
-    let square = |k: usize| x[k].widen() * x[k].widen();
-    let squares = if x.len() < LONG {
-        (0..x.len()).fold(T::Wide::ZERO, |total, k| total + square(k))
-    } else {
-        sum::<T>(x.len(), square)
-    };
-    Length::new(squares, || x.iter().map(|x| x.widen()))
+    Length::new(inner_product(x, x), || x.iter().map(|x| x.widen()))
 }
 
 #[cfg(test)]

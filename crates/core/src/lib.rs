@@ -76,6 +76,8 @@ mod length;
 mod listed_rows;
 mod logistic;
 mod mask;
+#[doc(hidden)]
+pub mod mixing;
 mod node;
 mod op;
 mod pool;

@@ -12,6 +12,9 @@ use crate::scalar::Scalar;
 /// Independent partial sums within a piece, so that additions overlap in the processor.
 const LANES: usize = 8;
 
+/// From so many products on an inner product is formed in several parts side by side.
+const LONG: usize = 8;
+
 /// The sum of `term(k)` over `0..length`.
 pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sync) -> T::Wide {
     let piece = |range: Range<usize>| {
@@ -31,4 +34,16 @@ pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sy
     let mut total = T::Wide::ZERO;
     merge_ranges(length, ENTRIES_PER_PIECE, piece, |partial: T::Wide| total += partial);
     total
+}
+
+/// `sum_k x_k y_k` of two vectors of one length, formed in [`Scalar::Wide`].
+#[inline(always)]
+pub(crate) fn inner_product<T: Scalar>(x: &[T], y: &[T]) -> T::Wide {
+    let y = &y[..x.len()];
+    let term = |k: usize| x[k].widen() * y[k].widen();
+    if x.len() < LONG {
+        (0..x.len()).fold(T::Wide::ZERO, |total, k| total + term(k))
+    } else {
+        sum::<T>(x.len(), term)
+    }
 }

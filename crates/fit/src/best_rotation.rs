@@ -1,14 +1,14 @@
 //! The rotation that brings one set of vectors closest to another.
 //!
 //! # Formula
-//! Of all rotations R the one that makes `sum w |p - R r|^2` smallest makes `tr(R M)` largest, with
-//! `M = sum w r p'`. As a quaternion, it is the eigenvector of the largest eigenvalue of a symmetric
-//! 4 x 4 matrix N, whose entries are sums of those of M. So it is never a reflection, and vectors in a
-//! plane are no special case. Where several rotations are equally good, it is one of them.
+//! The rotation R that minimizes `sum w |p - R r|^2` maximizes `tr(R M)`, with `M = sum w r p'`. Its
+//! quaternion is the eigenvector of the largest eigenvalue of a symmetric 4 x 4 matrix N, whose entries are
+//! sums of entries of M. So R is never a reflection, and vectors in a plane are no special case. Where
+//! several rotations are equally good, R is one of them.
 //!
-//! Jacobi's method gives all four pairs. Numbers with a derivative are taken by their value, and then
-//! one step of perturbation theory, `q = q_0 + sum_k q_k (q_k' N q_0) / (l_0 - l_k)`, gives q its
-//! derivative; otherwise it adds nothing but rounding.
+//! Jacobi's method gives all four eigenpairs, of the values of numbers with a derivative. Then one step of
+//! perturbation theory, `q = q_0 + sum_k q_k (q_k' N q_0) / (l_0 - l_k)`, gives q its derivative. Without a
+//! derivative it adds nothing but rounding.
 //!
 //! # Source
 //! Horn, *Closed-form solution of absolute orientation using unit quaternions*, Journal of the Optical
@@ -21,14 +21,14 @@ use bokashi_core::Scalar;
 /// Rows of a 4 x 4 matrix.
 type Square = [[f64; 4]; 4];
 
-/// Sweeps of Jacobi's method: it squares the error with each; five are enough in practice.
+/// The most sweeps of Jacobi's method. Each squares the error, and five are enough in practice.
 const SWEEPS: usize = 12;
 
-/// Squares of what lies off the diagonal, of a matrix about as large as 1, that count for nothing: the step of
+/// The sum of squares off the diagonal, of a matrix about as large as 1, at which sweeps end. The step of
 /// perturbation theory squares the error once more.
 const SMALL: f64 = 1e-28;
 
-/// Differences of eigenvalues, over the largest one, below which no derivative is known.
+/// The difference of eigenvalues, over the largest one, below which there is no derivative.
 const CLOSEST: f64 = 1e-12;
 
 /// The eigenvalues of a symmetric matrix, and their eigenvectors as rows.

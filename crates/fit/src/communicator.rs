@@ -1,41 +1,41 @@
-//! What the processes of one job say to each other: its ranks.
+//! Messages between the ranks of a job, which are its processes.
 //!
-//! A job of several ranks does one fit. Each rank has all parameters and some of the views; what it
-//! knows alone are the gradients of its views. [`Alone`] is a process by itself: it says nothing.
+//! A job of several ranks does one fit. Each rank has all parameters, and computes the gradients of some of
+//! the views. [`Alone`] is the only rank of its job.
 //!
-//! # Who calls what
+//! # The order of calls
 //! All ranks make the same calls in the same order, but that [`Communicator::send`] on one rank meets
-//! [`Communicator::receive`] on another. So whatever decides about a call has to be known to all of
-//! them: see [`agree`].
+//! [`Communicator::receive`] on another. So all ranks must know whatever decides about a call: see
+//! [`agree`].
 
 use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
+use bokashi_core::mixing::mixed;
 
 use crate::error::FitError;
 use crate::given::{Given, described, differences};
-use crate::mixing::mixed;
 use crate::parameter::Parameters;
 
-/// One rank of a job, which exchanges numbers `T` with the others.
+/// A rank of a job, which exchanges numbers `T` with the other ranks.
 ///
-/// There are no errors: a job that loses a rank ends.
+/// No call returns an error: a job that loses a rank ends.
 pub trait Communicator<T>: Debug + Send + Sync {
-    /// Which rank this is, from 0.
+    /// The number of this rank, from 0.
     fn rank(&self) -> usize;
 
-    /// How many ranks there are.
+    /// The number of ranks.
     fn size(&self) -> usize;
 
-    /// Sends `numbers` to the rank `to`, which receives as many.
+    /// Sends `numbers` to the rank `to`, which must receive as many.
     fn send(&self, numbers: &[T], to: usize);
 
     /// Receives `numbers` from the rank `from`.
     fn receive(&self, numbers: &mut [T], from: usize);
 
-    /// Sends `given` to the rank `other`, which receives as many, and receives what it gives meanwhile.
+    /// Sends `given` to the rank `other` and receives its numbers at the same time. Both make this call.
     fn exchange(&self, given: &[T], received: &mut [T], other: usize) {
         if self.rank() < other {
             self.send(given, other);
@@ -46,13 +46,13 @@ pub trait Communicator<T>: Debug + Send + Sync {
         }
     }
 
-    /// Gives all ranks the `numbers` of the rank `from`; all have as many.
+    /// Gives all ranks the `numbers` of the rank `from`. All ranks have the same count.
     fn broadcast(&self, numbers: &mut [T], from: usize);
 
-    /// Gives all ranks the `bytes` of the rank `from`, however many these are.
+    /// Gives all ranks the `bytes` of the rank `from`, of any count.
     fn broadcast_bytes(&self, bytes: &mut Vec<u8>, from: usize);
 
-    /// What each rank says, by rank; each may say as much as it likes.
+    /// Gathers a message of any length from each rank, in the order of ranks.
     fn gather(&self, message: &[u8]) -> Vec<Vec<u8>>;
 
     /// Returns when all ranks have called it.
@@ -61,7 +61,7 @@ pub trait Communicator<T>: Debug + Send + Sync {
     }
 }
 
-/// A process by itself: a job of one rank.
+/// The only rank of a job.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Alone;
 
@@ -87,14 +87,14 @@ impl<T> Communicator<T> for Alone {
     }
 }
 
-/// A rank shared by those who speak for it.
+/// A rank, shared by all parts of a fit that send messages.
 pub type Ranks<T> = Arc<dyn Communicator<T>>;
 
-/// The items of `count` that belong to a rank of `size`: neighbours, and of each rank about as many.
+/// The range of items, of `count`, that belong to a rank of `size`. Ranks have about equally many.
 ///
-/// Bounds are as round in binary as they can be where they may move by a 16th of a block. Then the sums
-/// of few subtrees make up that of a block, and fewer of them travel: of 1000 views on 4 ranks 4, not 12.
-/// The largest block is so at most an 8th too large, less than views differ in their work.
+/// A bound may move by a 16th of a block, to the number that is roundest in binary. Then the sum of a block
+/// consists of few subtrees, and fewer sums are sent: for 1000 views on 4 ranks 4, not 12. So the largest
+/// block is at most an 8th too large, which is less than views differ in their work.
 pub fn block(count: usize, rank: usize, size: usize) -> Range<usize> {
     let bound = |rank: usize| {
         // Indices are far below 2^64 / size.
@@ -109,11 +109,11 @@ pub fn block(count: usize, rank: usize, size: usize) -> Range<usize> {
     bound(rank)..bound(rank + 1)
 }
 
-/// What each rank says, by rank, where none of them failed. So a rank that fails is heard by all, and
-/// no other waits for it.
+/// Gathers a message from each rank, unless a rank failed. So all ranks learn of a failure, and none waits
+/// for the rank that failed.
 ///
 /// # Errors
-/// This rank's own error where it is the first that has one; [`FitError::Elsewhere`] where another is.
+/// This rank's error if no lower rank has one; otherwise [`FitError::Elsewhere`].
 pub fn agree<T, E: From<FitError> + ToString>(
     ranks: &dyn Communicator<T>,
     result: Result<Vec<u8>, E>,
@@ -138,7 +138,7 @@ pub fn agree<T, E: From<FitError> + ToString>(
     Ok(all)
 }
 
-/// What this rank made, where no rank failed.
+/// The result of this rank, unless a rank failed.
 ///
 /// # Errors
 /// As [`agree`].
@@ -154,11 +154,11 @@ pub fn agreed<T, R, E: From<FitError> + ToString>(
     made.ok_or_else(|| unreachable!("a rank that failed said so"))
 }
 
-/// Checks that all ranks have the same parameters and moments, to the bit, after `step` updates. They
-/// have by construction: this finds machines that do not compute alike.
+/// Checks that all ranks have the same parameters and moments, to the bit, after `step` updates. A difference
+/// means that machines do not compute alike.
 ///
 /// # Errors
-/// [`FitError::Apart`], on all ranks, with the first rank that differs from rank 0.
+/// [`FitError::Apart`] on all ranks, with the first rank that differs from rank 0.
 pub fn check_same<T: Scalar>(
     ranks: &dyn Communicator<T>,
     parameters: &Parameters<T>,
@@ -174,11 +174,11 @@ pub fn check_same<T: Scalar>(
     }
 }
 
-/// Checks that all ranks were given the same, before the first of their steps: with other settings ranks
-/// would wait for each other for ever, and with other files nobody would know whose they learn.
+/// Checks before the first step that all ranks were given the same files and settings. With different
+/// settings ranks would wait for each other for ever.
 ///
 /// # Errors
-/// [`FitError::Unlike`], on all ranks, with the first rank that differs from rank 0, and in what.
+/// [`FitError::Unlike`] on all ranks, with the first rank that differs from rank 0, and the difference.
 pub fn check_alike<T>(ranks: &dyn Communicator<T>, given: &Given) -> Result<(), FitError> {
     if ranks.size() == 1 {
         return Ok(());
@@ -209,7 +209,7 @@ pub fn check_alike<T>(ranks: &dyn Communicator<T>, given: &Given) -> Result<(), 
     Err(FitError::Unlike { name: next(), ranks: [rank, 0], values: [next(), next()] })
 }
 
-/// 64 bits of all raw numbers and moments.
+/// A hash of all raw numbers and moments.
 fn fingerprint<T: Scalar>(parameters: &Parameters<T>) -> u64 {
     let mix_numbers = |hash: u64, numbers: &[T]| {
         let words = numbers.iter().map(|number| number.to_f64().to_bits());

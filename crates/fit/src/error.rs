@@ -1,4 +1,4 @@
-//! What a caller can get wrong with fits, and what a fit can run into.
+//! Errors of fits.
 
 use std::error::Error;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use bokashi_core::{Shape, TensorError};
 
-/// What was found to be infinite or NaN.
+/// A quantity that is infinite or NaN.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quantity {
@@ -18,7 +18,7 @@ pub enum Quantity {
     SquaredGradient(String),
     /// The value of the named parameter.
     Value(String),
-    /// What an update would make of the named parameter, or of its moments.
+    /// The named parameter, or its moments, as an update would leave them.
     Update(String),
 }
 
@@ -34,23 +34,23 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// Where a step was infinite or NaN first.
+/// The first place in a step with a number that is infinite or NaN.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Origin {
-    /// In an operation's output.
+    /// The output of an operation.
     Output {
         /// The operation.
         operation: &'static str,
         /// The parameters among its inputs.
         parameters: Vec<String>,
     },
-    /// In what an operation's backward pass made of finite upstream gradients.
+    /// A gradient that an operation's backward pass made of finite upstream gradients.
     Backward {
         /// The operation.
         operation: &'static str,
     },
-    /// In a value that the pipeline brought, and no operation computed.
+    /// A value of the pipeline that no operation computed.
     Input {
         /// The shape of the value.
         shape: Shape,
@@ -88,28 +88,28 @@ pub enum FitError {
     /// An operation of a user's own, or of another crate, refused its inputs.
     #[error(transparent)]
     Operation(OperationError),
-    /// The loss of a view was refused: of several, the first.
+    /// The loss of a view was refused. Of several views, it is the first.
     #[error("view {view}: {error}")]
     View {
         /// The index of the view.
         view: usize,
-        /// What was wrong with it.
+        /// The error of the view.
         error: Box<FitError>,
     },
     /// Another rank of the job had an error.
     #[error("rank {rank}: {message}")]
     Elsewhere {
-        /// The rank: of several, the first.
+        /// The rank. Of several ranks, it is the first.
         rank: usize,
-        /// What it said.
+        /// The message of its error.
         message: String,
     },
-    /// Ranks of a job have other parameters than the first one.
+    /// The parameters of a rank differ from those of the first rank.
     #[error("all ranks need the same parameters, got others on rank {rank} at step {step}")]
     Apart {
-        /// How many updates the parameters had.
+        /// The number of updates that the parameters had.
         step: u64,
-        /// The rank: of several, the first.
+        /// The rank. Of several ranks, it is the first.
         rank: usize,
     },
     /// Ranks of a job were given other files or settings.
@@ -119,11 +119,11 @@ pub enum FitError {
         ranks[0], values[0], ranks[1], values[1]
     )]
     Unlike {
-        /// The file or setting.
+        /// The name of the file or setting.
         name: String,
-        /// Two ranks that differ.
+        /// Two ranks that were given different ones.
         ranks: [usize; 2],
-        /// What each of them has.
+        /// The value on each of these ranks.
         values: [String; 2],
     },
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
@@ -132,35 +132,35 @@ pub enum FitError {
         origin.as_ref().map_or_else(String::new, |origin| format!(", first in {origin}"))
     )]
     NotFinite {
-        /// What it was.
+        /// The quantity.
         quantity: Quantity,
-        /// The first such value.
+        /// The first value of it that is infinite or NaN.
         value: f64,
-        /// How many updates the parameters had.
+        /// The number of updates that the parameters had.
         step: u64,
-        /// Where the step was so first, of a loss or a gradient.
+        /// The first place in the step with such a number, for a loss or a gradient.
         origin: Option<Box<Origin>>,
     },
-    /// No gradient can ever reach a parameter, in what a fit's first step recorded.
+    /// No gradient can reach a parameter, by the operations that a fit's first step recorded.
     /// [`Parameter::optional`](crate::Parameter::optional) allows it.
     #[error("{parameter:?} needs a way to the loss, got {}", dead_end(*end, *is_detached))]
     NoWay {
-        /// The parameter.
+        /// The name of the parameter.
         parameter: String,
-        /// The last operation that depends on it; `None` where none does.
+        /// The last operation that depends on the parameter; `None` without one.
         end: Option<&'static str>,
-        /// Whether the pipeline detached it, or what that operation made of it.
+        /// Whether the pipeline detached the parameter, or the output of that operation.
         is_detached: bool,
     },
     /// There is no parameter of this name.
     #[error("a parameter's name needs to be one of {known:?}, got {name:?}")]
     UnknownParameter {
-        /// The name given.
+        /// The name that was asked for.
         name: String,
-        /// The names there are.
+        /// The names of all parameters.
         known: Vec<String>,
     },
-    /// A file or its contents are no saved fit, or not one of this fit's kind.
+    /// A file is no saved fit, or no saved fit of this kind.
     #[cfg(feature = "save")]
     #[error("a saved fit needs {rule}, got {value}")]
     Saved {
@@ -175,15 +175,15 @@ pub enum FitError {
     File {
         /// The file.
         path: std::path::PathBuf,
-        /// What should have been done to it: "read" or "written".
+        /// The failed action: "read" or "written".
         done: &'static str,
-        /// What the file system said.
+        /// The message of the file system.
         message: String,
     },
     /// A setting breaks its rule.
     #[error("{setting} needs {rule}, got {value}")]
     Setting {
-        /// What was set.
+        /// The name of the setting.
         setting: &'static str,
         /// The rule, as the end of "... needs ...".
         rule: &'static str,
@@ -192,7 +192,7 @@ pub enum FitError {
     },
 }
 
-/// Where the way from a parameter ends.
+/// Describes where the dependence on a parameter ends.
 fn dead_end(end: Option<&'static str>, is_detached: bool) -> String {
     match (end, is_detached) {
         (None, false) => "a loss that does not use it".to_owned(),
@@ -202,7 +202,7 @@ fn dead_end(end: Option<&'static str>, is_detached: bool) -> String {
     }
 }
 
-/// An error of any type, shared. Two are equal where they are the same one.
+/// An error of any type, shared. Two are equal if they are the same object.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error(transparent)]
 pub struct OperationError(Arc<dyn Error + Send + Sync>);
@@ -214,7 +214,7 @@ impl PartialEq for OperationError {
 }
 
 impl FitError {
-    /// An error of an operation in a pipeline, whatever its type: for `map_err`.
+    /// Makes a `FitError` of an error of any type, for `map_err`.
     pub fn operation(error: impl Error + Send + Sync + 'static) -> Self {
         Self::Operation(OperationError(Arc::new(error)))
     }

@@ -1,22 +1,22 @@
-//! What a fit was given, in words: files and settings by name. Two fits are so held against each other.
+//! The files and settings that a fit was given, in words, and comparisons of them.
 
 use std::collections::BTreeMap;
 
-/// What a fit was given: the name of each file and setting, and in words what it holds.
+/// The files and settings that a fit was given: by name, the contents or the value in words.
 pub type Given = BTreeMap<String, String>;
 
-/// Where two fits were given something else.
+/// A file or setting that differs between two fits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
-    /// The file or setting.
+    /// The name of the file or setting.
     pub name: String,
-    /// What this fit has; `None` where it has none.
+    /// The value of this fit; `None` without one.
     pub this: Option<String>,
-    /// What the other fit has; likewise.
+    /// The value of the other fit; `None` without one.
     pub other: Option<String>,
 }
 
-/// What differs between two fits, by name.
+/// The differences between two fits, by name.
 pub fn differences(this: &Given, other: &Given) -> Vec<Difference> {
     let others = other.keys().filter(|name| !this.contains_key(*name));
     let mut names: Vec<_> = this.keys().chain(others).collect();
@@ -28,7 +28,7 @@ pub fn differences(this: &Given, other: &Given) -> Vec<Difference> {
     names.into_iter().filter_map(difference).collect()
 }
 
-/// What a fit has under a name, in words.
+/// A value in words, also where there is none.
 pub fn described(value: Option<&String>) -> &str {
     value.map_or("nothing", |value| value)
 }

@@ -1,4 +1,4 @@
-//! The record of a fit: every step's loss and error against the truth, and what a step costs.
+//! The history of a fit: the loss, the error and the time of every step.
 
 use bokashi_core::Scalar;
 
@@ -7,9 +7,9 @@ use crate::stopping::Stop;
 /// A step as it was before its update; the last step of a history is the final state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step<M> {
-    /// How many updates came before.
+    /// The number of updates before the step.
     pub step: u64,
-    /// Wall-clock seconds since the start of the fit, all included.
+    /// Wall-clock seconds since the start of the fit.
     pub seconds: f64,
     /// The loss.
     pub loss: f64,
@@ -17,18 +17,18 @@ pub struct Step<M> {
     pub measure: M,
 }
 
-/// Entries of a parameter that an update should have moved and did not.
+/// An update that was not zero and yet changed nothing in some entries of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Vanished {
-    /// How many updates came before.
+    /// The number of updates before this one.
     pub step: u64,
-    /// Which parameter, by its place in the list.
+    /// The index of the parameter in the list.
     pub parameter: usize,
-    /// How many of its entries.
+    /// The number of its entries.
     pub entries: usize,
 }
 
-/// What a fit did.
+/// The history of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History<M> {
     /// Every step, before its update; the last step is the final state.
@@ -37,14 +37,14 @@ pub struct History<M> {
     pub step_ms: Vec<f64>,
     /// Milliseconds of the preparation of each step in `steps`: pose and reference image.
     pub preparation_ms: Vec<f64>,
-    /// Where updates were below half a unit in the last place of the entries that they should have
-    /// moved, in order. Steps and parameters without such updates are left out.
+    /// Updates below half a unit in the last place of some entries, in order. Steps and parameters without such
+    /// updates are left out.
     pub vanished: Vec<Vanished>,
-    /// Why the fit stopped.
+    /// The reason why the fit stopped.
     pub stop: Stop,
 }
 
-/// How many steps a history reserves memory for at most; a fit that runs longer grows it.
+/// The most steps for which a history reserves memory. In longer fits the memory grows.
 const MOST_RESERVED: u64 = 1 << 20;
 
 impl<M> History<M> {
@@ -61,7 +61,7 @@ impl<M> History<M> {
         }
     }
 
-    /// The state that the fit started from.
+    /// The state in which the fit started.
     ///
     /// # Panics
     /// Where the history is empty; a history that a fit returned never is.
@@ -87,8 +87,8 @@ impl<M> History<M> {
         median(&self.preparation_ms)
     }
 
-    /// The largest `error` of the last tenth of the run, the final state included: an error that
-    /// spikes after it has converged shows here. NaN where an error is NaN.
+    /// The largest `error` in the last tenth of the run, with the final state. It shows spikes after convergence. NaN
+    /// where an error is NaN.
     pub fn tail(&self, error: impl Fn(&Step<M>) -> f64) -> f64 {
         let from = self.steps.len() - self.steps.len().div_ceil(10);
         self.steps[from..].iter().map(error).fold(f64::NEG_INFINITY, Scalar::maximum_or_nan)

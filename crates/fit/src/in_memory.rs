@@ -1,4 +1,4 @@
-//! Ranks that are threads of one process: what several ranks do, tried out without a cluster.
+//! Ranks that are threads of one process, to try out several ranks without a cluster.
 
 use std::collections::{HashMap, VecDeque};
 use std::fmt;
@@ -6,7 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use crate::communicator::{Communicator, Ranks};
 
-/// Calls `work` on `size` threads at once, each of which is a rank; what each returns, by rank.
+/// Calls `work` on `size` threads at once, each of which is a rank. Returns the results by rank.
 ///
 /// ```
 /// use bokashi_fit::on_ranks;
@@ -20,20 +20,20 @@ use crate::communicator::{Communicator, Ranks};
 /// ```
 ///
 /// # Panics
-/// Where `work` does, on any rank: the others are then told.
+/// Where `work` panics on any rank. Other ranks then panic too, so that none waits.
 pub fn on_ranks<T, R>(size: usize, work: impl Fn(Ranks<T>) -> R + Sync) -> Vec<R>
 where
     T: Copy + Send + 'static,
     R: Send,
 {
-    let office = Arc::new(Office { post: Mutex::default(), came: Condvar::new() });
+    let channel = Arc::new(Channel { queues: Mutex::default(), arrived: Condvar::new() });
     std::thread::scope(|scope| {
         let start = |rank| {
-            let (office, work) = (Arc::clone(&office), &work);
+            let (channel, work) = (Arc::clone(&channel), &work);
             scope.spawn(move || {
-                let leaves = Leaves(&office);
-                let result = work(Arc::new(Rank { rank, size, office: Arc::clone(&office) }));
-                std::mem::forget(leaves);
+                let guard = PanicGuard(&channel);
+                let result = work(Arc::new(Rank { rank, size, channel: Arc::clone(&channel) }));
+                std::mem::forget(guard);
                 result
             })
         };
@@ -43,13 +43,13 @@ where
     })
 }
 
-/// A rank that panics would let the others wait.
-struct Leaves<'a, T>(&'a Office<T>);
+/// Tells the other ranks if this one panics: they would wait for ever.
+struct PanicGuard<'a, T>(&'a Channel<T>);
 
-impl<T> Drop for Leaves<'_, T> {
+impl<T> Drop for PanicGuard<'_, T> {
     fn drop(&mut self) {
-        self.0.post().is_over = true;
-        self.0.came.notify_all();
+        self.0.lock().is_over = true;
+        self.0.arrived.notify_all();
     }
 }
 
@@ -59,34 +59,35 @@ enum Message<T> {
     Bytes(Vec<u8>),
 }
 
-struct Post<T> {
-    /// By sender and receiver, in the order in which they were sent.
-    ways: HashMap<(usize, usize), VecDeque<Message<T>>>,
+/// The messages under way, and whether a rank has panicked.
+struct Queues<T> {
+    /// The messages by sender and receiver, in the order in which they were sent.
+    messages: HashMap<(usize, usize), VecDeque<Message<T>>>,
     is_over: bool,
 }
 
-impl<T> Default for Post<T> {
+impl<T> Default for Queues<T> {
     fn default() -> Self {
-        Self { ways: HashMap::new(), is_over: false }
+        Self { messages: HashMap::new(), is_over: false }
     }
 }
 
-/// Where messages wait.
-struct Office<T> {
-    post: Mutex<Post<T>>,
-    came: Condvar,
+/// The queues that all ranks share.
+struct Channel<T> {
+    queues: Mutex<Queues<T>>,
+    arrived: Condvar,
 }
 
-impl<T> Office<T> {
-    fn post(&self) -> MutexGuard<'_, Post<T>> {
-        self.post.lock().unwrap_or_else(PoisonError::into_inner)
+impl<T> Channel<T> {
+    fn lock(&self) -> MutexGuard<'_, Queues<T>> {
+        self.queues.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 struct Rank<T> {
     rank: usize,
     size: usize,
-    office: Arc<Office<T>>,
+    channel: Arc<Channel<T>>,
 }
 
 impl<T> fmt::Debug for Rank<T> {
@@ -97,19 +98,19 @@ impl<T> fmt::Debug for Rank<T> {
 
 impl<T> Rank<T> {
     fn put(&self, message: Message<T>, to: usize) {
-        self.office.post().ways.entry((self.rank, to)).or_default().push_back(message);
-        self.office.came.notify_all();
+        self.channel.lock().messages.entry((self.rank, to)).or_default().push_back(message);
+        self.channel.arrived.notify_all();
     }
 
     fn take(&self, from: usize) -> Message<T> {
-        let mut post = self.office.post();
+        let mut queues = self.channel.lock();
         loop {
-            let way = post.ways.get_mut(&(from, self.rank));
-            if let Some(message) = way.and_then(VecDeque::pop_front) {
+            let queue = queues.messages.get_mut(&(from, self.rank));
+            if let Some(message) = queue.and_then(VecDeque::pop_front) {
                 return message;
             }
-            assert!(!post.is_over, "a message from rank {from}, which panicked");
-            post = self.office.came.wait(post).unwrap_or_else(PoisonError::into_inner);
+            assert!(!queues.is_over, "a message from rank {from}, which panicked");
+            queues = self.channel.arrived.wait(queues).unwrap_or_else(PoisonError::into_inner);
         }
     }
 

@@ -52,7 +52,6 @@ mod given;
 mod history;
 mod in_memory;
 mod losses;
-mod mixing;
 mod optimizer;
 mod parameter;
 mod pipeline;

@@ -1,4 +1,4 @@
-//! What is fitted: any composition of operations that ends in a loss.
+//! Pipelines: compositions of operations that end in a loss.
 
 use std::marker::PhantomData;
 
@@ -8,16 +8,15 @@ use crate::communicator::{Alone, Communicator};
 use crate::error::FitError;
 use crate::parameter::{Parameters, Variables};
 
-/// A computation from parameters to a loss, written once; generic over `T`, it runs in `f32` and
-/// in `f64`.
+/// A computation from parameters to a loss. Generic over `T`, it runs in `f32` and in `f64`.
 ///
-/// A pipeline without changing inputs is just a function: see [`from_fn`].
+/// A pipeline without inputs that change is a function: see [`from_fn`].
 pub trait Pipeline<T: Scalar> {
     /// The errors of the parameters against the truth; `()` where it is unknown.
     type Measure: Clone + Default;
 
-    /// Sets what changes from step to step and is not learnt: a pose, a reference image. Called once
-    /// per step, before [`Pipeline::loss`], and timed apart.
+    /// Sets inputs that change from step to step and are not learnt: a pose, a reference image. It is called once per
+    /// step, before [`Pipeline::loss`], and timed apart.
     ///
     /// # Errors
     /// Whatever the operations refuse.
@@ -26,8 +25,8 @@ pub trait Pipeline<T: Scalar> {
         Ok(())
     }
 
-    /// [`Pipeline::prepare`], as a fit calls it: with the tape that the step will be recorded on. For
-    /// whoever computes a reference image: [`Tape::aside`] does so in memory that the step uses later.
+    /// [`Pipeline::prepare`] with the tape of the step; a fit calls this one. To compute a reference image,
+    /// [`Tape::aside`] uses memory of the tape that the step needs later.
     ///
     /// # Errors
     /// As [`Pipeline::prepare`].
@@ -36,18 +35,17 @@ pub trait Pipeline<T: Scalar> {
         self.prepare(step)
     }
 
-    /// Appends to `state` what the pipeline needs to go on, beside the number of the step: the state
-    /// of a generator, say. Called before each [`Pipeline::prepare`], for the case that the fit is
-    /// saved in that step.
+    /// Appends to `state` what a resumed pipeline needs beside the number of the step, such as the state of a
+    /// generator. It is called before each [`Pipeline::prepare`], in case the fit is saved in that step.
     #[cfg(feature = "save")]
     fn save_state(&self, state: &mut Vec<u8>) {
         let _ = state;
     }
 
-    /// Takes back the `state` of a saved fit, before its first step.
+    /// Restores the `state` of a saved fit, before the first step.
     ///
     /// # Errors
-    /// Whatever is wrong with the state; [`FitError::Saved`] for any, where the pipeline saves none.
+    /// Those of the state; [`FitError::Saved`] for any state, where the pipeline saves none.
     #[cfg(feature = "save")]
     fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {
         match state {
@@ -102,8 +100,7 @@ pub struct FromFn<T, F> {
 /// # Ok::<(), bokashi_fit::FitError>(())
 /// ```
 ///
-/// The function may change what it captures, and so hand out what it has computed: its last picture,
-/// say.
+/// The function may change variables that it captures, for instance to return its last picture.
 ///
 /// ```
 /// # use bokashi_core::Tensor;

@@ -1,19 +1,18 @@
-//! The sum of partial sums that lie on several ranks, to the bits of the sum on one.
+//! The sum of partial sums on several ranks, with the bits of the sum on one rank.
 //!
 //! # The tree
-//! Parts are added in the tree of [`Tape::sum_over`](bokashi_core::Tape::sum_over), which depends on
-//! their number alone. A rank has neighbouring parts, and so the sums of the largest subtrees that lie
-//! in its own. Where a node's halves lie on two ranks, one sends its half to the other. Of the two the
-//! one that has more of the node's parts adds, or of those of a node above it: so a row of small subtrees
-//! at the edge of a rank's parts is added where most of it is, and few sums travel.
+//! Parts are added in the tree of [`Tape::sum_over`](bokashi_core::Tape::sum_over), which depends on their number
+//! alone. A rank has neighbouring parts, and so the sums of the largest subtrees within them. Where the halves of a
+//! node are on two ranks, one rank sends its half to the other. The rank with more of the node's parts adds. If both
+//! have as many, the node above decides. So small subtrees at the end of a rank's parts are added where most of their
+//! node is, and few sums are sent.
 //!
 //! # What crosses the wire
-//! First, from all to all: each rank's values, and which inputs its parts depend on; or its error. Then
-//! gradients, in pieces: a rank that has sent a piece goes on with the next while that one is added. Where
-//! both ranks have as many parts, one adds the first half of the numbers and the other the second, so that
-//! messages go both ways at once. At last the sum goes to all.
+//! First all ranks exchange their values, and which inputs their parts depend on, or their errors. Then gradients are
+//! sent in pieces: a rank sends the next piece while the last one is added. Where both ranks have as many parts, each
+//! of them adds one half of the numbers, so that messages go both ways at once. At the end all ranks receive the sum.
 //!
-//! All ranks know all messages beforehand, and make them in one order: so none waits for ever.
+//! All ranks know all messages beforehand and send them in one order. So no rank waits for ever.
 
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -23,17 +22,17 @@ use bokashi_core::{PartialSum, Scalar, Shape, Tensor, halves};
 use crate::communicator::{Communicator, agree};
 use crate::error::FitError;
 
-/// Numbers in one message: 256 KiB in `f32`. Far larger than what a message costs by itself, and small
-/// enough that the ranks of a chain work at the same time.
+/// The numbers in one message, 256 KiB in `f32`: so many that the latency of a message hardly counts, and so few that
+/// the ranks of a chain work at the same time.
 const PIECE: usize = 1 << 16;
 
-/// The sum over all parts, and how many bytes all ranks together sent for it.
+/// The sum over all parts, and the number of bytes that all ranks together sent for it.
 pub(crate) struct Reduced<T: Scalar> {
     pub(crate) sum: PartialSum<T>,
     pub(crate) bytes: u64,
 }
 
-/// Two sums become one, where `keep` is.
+/// An addition of two sums. The result replaces the sum `keep`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Addition {
     keep: usize,
@@ -45,18 +44,18 @@ struct Addition {
 struct Step {
     keep: usize,
     give: usize,
-    /// Whether there is nothing yet where the sum is kept.
+    /// Whether the kept sum has no number yet.
     is_first: bool,
 }
 
-/// Which sums there are, on which ranks, and how they become one.
+/// The sums, their ranks, and the additions that make one sum of them.
 #[derive(Debug)]
 struct Plan<'a> {
     /// The first part of each rank, and the number of all.
     bounds: &'a [usize],
-    /// Which of two ranks adds that have as many of a node's parts: the one with the second half.
+    /// Whether the rank with the second half adds, of two ranks with as many of a node's parts.
     is_second: bool,
-    /// By sum: the rank that has it.
+    /// The rank of each sum.
     owners: Vec<usize>,
     additions: Vec<Addition>,
     /// The sum that is the whole in the end.
@@ -77,13 +76,13 @@ impl<'a> Plan<'a> {
         self.bounds.partition_point(|&bound| bound <= part) - 1
     }
 
-    /// How many parts of a range a rank has.
+    /// The number of parts of a range that a rank has.
     fn share(&self, rank: usize, range: &Range<usize>) -> usize {
         let [from, to] = [self.bounds[rank], self.bounds[rank + 1]];
         to.min(range.end).saturating_sub(from.max(range.start))
     }
 
-    /// The sum of a range, which is a part of those `above`.
+    /// Plans the sum of a range, whose ancestors in the tree are `above`. Returns the index of the sum.
     fn add(&mut self, range: Range<usize>, above: &mut Vec<Range<usize>>) -> usize {
         let first = self.owner(range.start);
         if self.bounds[first + 1] >= range.end {
@@ -107,9 +106,8 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Adds up the sums of all ranks: `sums_of_rank` are those of this one, of the parts
-/// `bounds[rank]..bounds[rank + 1]`. `shapes` are those of the inputs, or nothing for an input that needs no
-/// gradient.
+/// Adds up the sums of all ranks. `sums_of_rank` are those of this rank, for the parts `bounds[rank]..bounds[rank +
+/// 1]`. `shapes` are the shapes of the inputs; `None` for an input that needs no gradient.
 ///
 /// # Errors
 /// As [`agree`]: that of the first rank whose parts were refused.
@@ -143,11 +141,11 @@ pub(crate) fn reduced<T: Scalar>(
     Ok(Reduced { sum: PartialSum::new(sums.values[*root], gradients), bytes })
 }
 
-/// The sum of as many tensors as there are ranks, of which each has one; all have the same shape. All
-/// ranks know it then, and its bits are those of a tree that depends on the number of ranks alone.
+/// The sum of one tensor of each rank, all of the same shape. All ranks return it. Tensors are added in a tree that
+/// depends on the number of ranks alone.
 ///
 /// # Errors
-/// None of its own.
+/// None.
 pub fn sum_over_ranks<T: Scalar>(
     ranks: &dyn Communicator<T>,
     tensor: Tensor<T>,
@@ -159,7 +157,7 @@ pub fn sum_over_ranks<T: Scalar>(
     Ok(sum.gradients.pop().flatten().unwrap_or_else(|| Tensor::zeros(shape)))
 }
 
-/// What all ranks have to know of sums: values, and which inputs have a gradient.
+/// The bytes about sums that all ranks exchange: values, and which inputs have a gradient.
 fn head<T: Scalar>(sums: &[PartialSum<T>]) -> Vec<u8> {
     let bytes_of = |sum: &PartialSum<T>| {
         let mut bytes = sum.value.to_f64().to_le_bytes().to_vec();
@@ -169,14 +167,14 @@ fn head<T: Scalar>(sums: &[PartialSum<T>]) -> Vec<u8> {
     sums.iter().flat_map(bytes_of).collect()
 }
 
-/// All sums, of which each rank has the gradients of its own.
+/// All sums. A rank has the gradients of its own sums.
 struct Sums<'a, T: Scalar> {
     ranks: &'a dyn Communicator<T>,
     owners: &'a [usize],
     values: Vec<T::Wide>,
     /// By sum and input: whether a part depends on it.
     is_used: Vec<Vec<bool>>,
-    /// By sum and input; of other ranks' sums nothing, but for the whole in the end.
+    /// By sum and input: the gradient. Those of other ranks' sums are `None`, but for the whole in the end.
     gradients: Vec<Vec<Option<Tensor<T>>>>,
 }
 
@@ -242,7 +240,7 @@ impl<'a, T: Scalar> Sums<'a, T> {
         sent + (self.ranks.size() as u64 - 1) * size as u64
     }
 
-    /// By addition: what it does to one input, where there is something to add.
+    /// The steps of all additions for one input. An addition without a gradient has none.
     fn steps(&self, input: usize, additions: &[Addition]) -> Vec<Option<Step>> {
         let mut is_used: Vec<_> = self.is_used.iter().map(|uses| uses[input]).collect();
         let step_of = |&Addition { keep, give }: &Addition| {
@@ -310,12 +308,12 @@ impl<'a, T: Scalar> Sums<'a, T> {
         sent
     }
 
-    /// From which rank to which a step sends.
+    /// The ranks that send and receive in a step.
     fn way(&self, step: Step) -> [usize; 2] {
         [step.give, step.keep].map(|sum| self.owners[sum])
     }
 
-    /// Adds what was given to what is kept.
+    /// Adds a received piece to the kept sum.
     fn keep(&mut self, input: usize, step: Step, piece: &Range<usize>, given: &[T]) {
         let Some(kept) = &mut self.gradients[step.keep][input] else { return };
         let kept = &mut kept.data_mut()[piece.clone()];

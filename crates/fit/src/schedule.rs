@@ -1,4 +1,4 @@
-//! Learning rates over a run: a factor for every rate, by step.
+//! Schedules of learning rates: a factor for every rate, by step.
 
 use std::f64::consts::PI;
 
@@ -20,8 +20,8 @@ pub enum Schedule {
         /// The last factor.
         floor: f64,
     },
-    /// From 1 down to 0 as `(1 - step / steps)^power`, and 0 from `steps` on: the larger the power,
-    /// the more of the run is left for small rates.
+    /// From 1 down to 0 as `(1 - step / steps)^power`, and 0 from `steps` on. With a larger power, more of the run has
+    /// small rates.
     Polynomial {
         /// The step that reaches 0.
         steps: u64,
@@ -30,7 +30,7 @@ pub enum Schedule {
     },
     /// Halved (for `factor` 1/2) smoothly every `steps`: `factor^(step / steps)`, down to `floor`.
     Exponential {
-        /// How many steps multiply the rate by `factor` once.
+        /// The number of steps that multiply the rate by `factor` once.
         steps: u64,
         /// The factor, in (0, 1].
         factor: f64,
@@ -40,7 +40,7 @@ pub enum Schedule {
     },
     /// Multiplied by `factor` at once every `steps`.
     Step {
-        /// How many steps keep a rate.
+        /// The number of steps with one rate.
         steps: u64,
         /// The factor, in (0, 1].
         factor: f64,
@@ -68,7 +68,7 @@ impl Schedule {
         }
     }
 
-    /// Checks the parts.
+    /// Checks the factors, floors and periods.
     ///
     /// # Errors
     /// [`FitError::Setting`] for a factor or floor outside its range, or a period of no steps.

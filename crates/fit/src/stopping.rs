@@ -1,10 +1,10 @@
-//! Why a fit stops, and the rules that stop it by its losses.
+//! The reasons why a fit stops, and the rules that stop it by its losses.
 
-/// Why a fit stopped.
+/// The reason why a fit stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// It did all its steps.
+    /// All steps were done.
     Steps,
     /// Its time was up.
     Time,
@@ -14,9 +14,9 @@ pub enum Stop {
     NoProgress,
     /// Every entry of the gradient fell below the limit.
     GradientBelow,
-    /// A listener asked for it.
+    /// A listener stopped it.
     Callback,
-    /// A signal asked for it, by its number.
+    /// A signal with this number stopped it.
     Interrupted(i32),
 }
 
@@ -25,24 +25,23 @@ pub enum Stop {
 pub struct LossRules {
     /// Stops where the loss is below this.
     pub below: Option<f64>,
-    /// Stops where the loss has found no new minimum for so many steps.
+    /// Stops where the loss had no new minimum for so many steps.
     pub patience: Option<u64>,
 }
 
-/// What [`LossRules`] know of the losses so far: it is saved with a fit, which so stops where it would have
-/// stopped without an interruption.
+/// The losses so far that [`LossRules`] need. They are saved with a fit, so that a resumed fit stops at the same step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Losses {
     /// The last loss.
     pub last: Option<f64>,
     /// The least loss.
     pub least: Option<f64>,
-    /// Steps since the least loss.
+    /// The number of steps since the least loss.
     pub waited: u64,
 }
 
 impl Losses {
-    /// Counts the loss of a step. The same loss again is no smaller one.
+    /// Counts the loss of a step. An equal loss is no new minimum.
     pub fn count(&mut self, loss: f64) {
         self.last = Some(loss);
         if self.least.is_none_or(|least| loss < least) {
@@ -52,7 +51,7 @@ impl Losses {
         }
     }
 
-    /// Forgets the least loss: those that follow are of another kind.
+    /// Forgets the least loss, as later losses cannot be compared with it.
     pub fn restart(&mut self) {
         (self.least, self.waited) = (None, 0);
     }

@@ -1,5 +1,4 @@
-//! Which vertices, edges and faces of a triangle mesh lie side by side: made once from its faces, for
-//! regularizers of its vertices.
+//! The topology of a triangle mesh, for regularizers of its vertices: neighbours, edges and pairs of faces.
 
 use std::sync::Arc;
 
@@ -10,9 +9,9 @@ const NAME: &str = "topology";
 
 /// Edges, neighbours and pairs of faces of a triangle mesh. Cheap to clone.
 ///
-/// An edge stands once, however many faces have it. A pair of faces are the two faces of an edge that
-/// has exactly two; at boundaries and at edges of three faces and more there is none. A face that names
-/// a vertex twice has no pair, and only edges between different vertices.
+/// An edge is listed once, however many faces have it. An edge of exactly two faces makes a pair of them; boundaries
+/// and edges of three faces and more make none. A face that names a vertex twice is in no pair, and has only edges
+/// between different vertices.
 #[derive(Debug, Clone)]
 pub struct Topology(Arc<Inner>);
 
@@ -157,7 +156,7 @@ impl Topology {
         self.0.pairs.iter().map(|pair| pair.faces)
     }
 
-    /// Where the neighbours of `vertex` stand in a list of the neighbours of all.
+    /// The range of the neighbours of `vertex` in the list of all neighbours.
     pub(crate) fn places(&self, vertex: usize) -> std::ops::Range<usize> {
         self.0.neighbors.range(vertex)
     }
@@ -171,7 +170,7 @@ impl Topology {
         &self.0.pairs
     }
 
-    /// Which pairs `face` belongs to.
+    /// The pairs to which `face` belongs.
     pub(crate) fn pairs_of(&self, face: usize) -> &[u32] {
         self.0.pairs_of_faces.list(face)
     }
@@ -192,13 +191,12 @@ impl Topology {
         )
     }
 
-    /// The cotangent Laplacian of the positions `[V, 3]`, `[V, V]`, a constant: the sum of weights on
-    /// the diagonal, and `-w_ij` for each neighbour, with `w_ij` half the sum of the cotangents of the
-    /// angles that face the edge. It is symmetric and positive semi-definite.
+    /// The cotangent Laplacian of the positions `[V, 3]`, `[V, V]`, a constant. An edge has the weight `w_ij`, half the
+    /// sum of the cotangents of the angles that face it. Off the diagonal the entries are `-w_ij`, and on it the sums
+    /// of weights. The matrix is symmetric and positive semi-definite.
     ///
-    /// A face without an area has no part in it. A face of which some cotangent is larger than 1000 (an
-    /// angle below a seventeenth of a degree) has all three divided by as much as it takes: the matrix
-    /// stays positive semi-definite so.
+    /// A face without an area adds nothing. Where a cotangent is above 1000, at an angle below a seventeenth of a
+    /// degree, all three of the face are scaled down to that bound. The matrix stays positive semi-definite so.
     ///
     /// # Errors
     /// [`TensorError::Shape`] unless the positions are `[V, 3]` with as many vertices as the mesh;

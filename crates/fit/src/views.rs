@@ -1,31 +1,31 @@
 //! Fits over a set of views: the mean of the losses of all views, or of some that each step draws.
 //!
 //! Each view is recorded on a tape of its own ([`Tape::sum_over`]), and its backward pass runs at once.
-//! So views are computed at the same time, memory is that of the views under way, and values and
-//! gradients are added in a tree over the views' indices: the same bits for any number of threads.
+//! So views are computed at the same time, and memory is that of the views under way. Values and gradients
+//! are added in a tree over the views' indices, so the bits are the same for any number of threads.
 //!
 //! The views can be divided among the ranks of a job ([`Views::among`]). Each rank then computes its own,
-//! and the sums of all ranks are added in the same tree: the same bits for any number of ranks.
+//! and the sums of all ranks are added in the same tree. So the bits are the same for any number of ranks.
 
 use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_core::{Scalar, Tape, Var};
 
 use crate::communicator::{Alone, Communicator, Ranks, block};
 use crate::error::{FitError, Quantity};
-use crate::mixing::{GOLDEN, mixed};
 use crate::parameter::Variables;
 use crate::pipeline::Pipeline;
 use crate::reduction::{Reduced, reduced};
 
-/// Which view, and in which step.
+/// A view in a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct View {
     /// The index of the view, from 0.
     pub index: usize,
-    /// How many updates came before.
+    /// The number of updates before the step.
     pub step: u64,
 }
 
@@ -56,10 +56,10 @@ impl<T, F: fmt::Debug> fmt::Debug for Views<T, F> {
     }
 }
 
-/// Makes a [`Pipeline`] of the loss of a view: its loss is the mean over `count` views.
+/// Makes a [`Pipeline`] of the loss of a view. The loss of the pipeline is the mean over `count` views.
 ///
-/// `loss` is called from several threads at once. The tape and the variables it is given belong to its
-/// view; what it captures is shared by all views.
+/// `loss` is called from several threads at once. Each view has its own tape and variables; captured variables are
+/// shared by all views.
 ///
 /// ```
 /// use bokashi_core::Tensor;
@@ -100,28 +100,28 @@ where
 }
 
 impl<T, F> Views<T, F> {
-    /// The pipeline with so many views per step, drawn anew in each. A step's views follow from seed and
-    /// step alone.
+    /// The pipeline with so many views per step, drawn anew in each step. The views of a step follow from the seed and
+    /// the number of the step.
     #[must_use]
     pub fn per_step(self, per_step: usize) -> Self {
         Self { per_step, ..self }
     }
 
-    /// The pipeline with another seed than 0 for the views that each step draws.
+    /// The pipeline with a seed for the views that each step draws; 0 by default.
     #[must_use]
     pub fn seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// The pipeline with its views divided among the ranks of a job, all of which make the same calls:
-    /// each computes the losses of [`block`] of the views, and all know their mean.
+    /// The pipeline with its views divided among the ranks of a job, all of which make the same calls. Each rank
+    /// computes the losses of its [`block`] of views, and all ranks return the mean.
     #[must_use]
     pub fn among(self, ranks: Ranks<T>) -> Self {
         // Alone, nobody is asked.
         Self { ranks: Some(ranks).filter(|ranks| ranks.size() > 1), ..self }
     }
 
-    /// How many bytes all ranks together sent in the last step.
+    /// The number of bytes that all ranks together sent in the last step.
     pub fn bytes_sent(&self) -> u64 {
         self.sent
     }
@@ -169,7 +169,7 @@ impl<T, F> Views<T, F> {
         Ok(())
     }
 
-    /// What a resumed fit must share.
+    /// The state that a resumed fit must share: the number of views, how many a step draws, and the seed.
     #[cfg(feature = "save")]
     fn state(&self) -> [u8; 24] {
         let words = [self.count as u64, self.per_step as u64, self.seed];
@@ -256,8 +256,8 @@ where
     }
 }
 
-/// Makes `chosen` the indices of the views of a step, in ascending order: the first entries of a
-/// permutation (Fisher and Yates) by numbers that follow from seed and step.
+/// Sets `chosen` to the indices of the views of a step, in ascending order. They are the first entries of a permutation
+/// (Fisher and Yates) by numbers that follow from seed and step.
 fn draw(chosen: &mut Vec<usize>, count: usize, per_step: usize, seed: u64, step: u64) {
     chosen.clear();
     chosen.extend(0..count);

@@ -27,7 +27,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Whether both have a point in common.
+    /// Whether two boxes have a point in common.
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
@@ -81,7 +81,7 @@ pub(crate) struct BoxTree {
 }
 
 impl BoxTree {
-    /// Items whose boxes are empty are left out for good.
+    /// Builds the tree. Items whose boxes are empty are left out for good.
     pub(crate) fn new(bounds: &[Bounds]) -> Self {
         let items = bounds.iter().copied().zip(0..);
         let mut items: Vec<(Bounds, u32)> = items.filter(|it| !it.0.is_empty()).collect();
@@ -150,8 +150,8 @@ impl BoxTree {
         self.change(item, bounds);
     }
 
-    /// Calls `found` with each item whose box meets `bounds`, and that box, in an order that depends on what was done
-    /// alone.
+    /// Calls `found` with each item whose box meets `bounds`, and with that box. The order follows from the calls that
+    /// made and changed the tree.
     pub(crate) fn for_each_near(&self, bounds: &Bounds, mut found: impl FnMut(u32, &Bounds)) {
         self.has_near(bounds, |item, around| {
             found(item, around);
@@ -159,7 +159,7 @@ impl BoxTree {
         });
     }
 
-    /// Whether `is_sought` holds of an item whose box meets `bounds`, given both. No more are asked once it does.
+    /// Whether `is_sought` is true of an item whose box meets `bounds`. The search ends with the first such item.
     pub(crate) fn has_near(
         &self,
         bounds: &Bounds,
@@ -185,8 +185,8 @@ impl BoxTree {
         false
     }
 
-    /// The item with the least `distance`, squared and from `point`, and this; of equal ones that with the lowest
-    /// index. No item may be nearer than its box is.
+    /// The item with the least squared `distance` from `point`, and that distance; of equal ones the item with the
+    /// lowest index. No item may be nearer than its box.
     pub(crate) fn nearest(&self, point: DVec3, distance: impl Fn(u32) -> f64) -> (u32, f64) {
         let (mut nearest, mut least) = (NONE, f64::INFINITY);
         let mut open = SmallVec::<[(u32, f64); 64]>::new();

@@ -1,28 +1,29 @@
-//! How a mesh hangs together.
+//! The topology of a mesh: its parts, its boundaries and its Euler characteristic.
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{Side, edges, repeats_a_vertex, sides};
 
-use crate::edges::{Side, edges, sides};
-use crate::triangle::{corner_of, repeats_a_vertex};
+use crate::groups::{Groups, NO_GROUP};
+use crate::triangle::corner_of;
 
-/// Parts, boundaries and the Euler characteristic of a mesh. A face that names a vertex twice counts as none.
+/// Parts, boundaries and the Euler characteristic of a mesh. A face that names a vertex twice is left out.
 ///
-/// Faces that share an edge hang together; those that share a vertex alone do not.
+/// Faces that share an edge are of one part. Faces that share nothing but a vertex are not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connectivity {
-    /// Vertices that some face has.
+    /// The number of vertices that belong to a face.
     pub vertices: usize,
-    /// Edges.
+    /// The number of edges.
     pub edges: usize,
-    /// Faces.
+    /// The number of faces that name three vertices.
     pub faces: usize,
-    /// Edges of one face.
+    /// The number of edges of one face.
     pub boundary_edges: usize,
-    /// Edges of three faces and more.
+    /// The number of edges of three faces and more.
     pub crowded_edges: usize,
-    /// Vertices whose faces form more than one fan: faces that share no edge meet there.
+    /// The number of vertices at which fans of faces meet that share no edge.
     pub pinched_vertices: usize,
-    /// Rings of edges at which the surface ends, or meets more than one other.
+    /// The number of closed loops of edges that have other than two faces.
     pub boundary_loops: usize,
     /// Whether two faces run through each edge that they share in opposite directions.
     pub is_oriented: bool,
@@ -30,11 +31,8 @@ pub struct Connectivity {
     parts: Vec<u32>,
 }
 
-/// Of a face that counts as none.
-const NO_PART: u32 = u32::MAX;
-
 impl Connectivity {
-    /// That of a mesh.
+    /// Counts the parts, boundaries and fans of `mesh`. It sorts the sides of all faces.
     pub fn new(mesh: &Mesh) -> Self {
         let faces = mesh.faces();
         let sides = sides(faces);
@@ -77,16 +75,16 @@ impl Connectivity {
 
     fn count_fans(&mut self, mesh: &Mesh, fans: &mut Groups) {
         let faces = mesh.faces();
-        let mut seen = vec![NO_PART; mesh.vertex_count()];
+        let mut seen = vec![NO_GROUP; mesh.vertex_count()];
         let mut is_pinched = vec![false; mesh.vertex_count()];
         for (face, index) in faces.iter().zip(0..).filter(|(face, _)| !repeats_a_vertex(**face)) {
             for (&vertex, corner) in face.iter().zip(0..) {
                 let (fan, vertex) = (fans.first(3 * index + corner), vertex as usize);
-                is_pinched[vertex] |= seen[vertex] != NO_PART && seen[vertex] != fan;
+                is_pinched[vertex] |= seen[vertex] != NO_GROUP && seen[vertex] != fan;
                 seen[vertex] = fan;
             }
         }
-        self.vertices = seen.iter().filter(|fan| **fan != NO_PART).count();
+        self.vertices = seen.iter().filter(|fan| **fan != NO_GROUP).count();
         self.pinched_vertices = is_pinched.iter().filter(|it| **it).count();
     }
 
@@ -100,13 +98,13 @@ impl Connectivity {
         self.part_count
     }
 
-    /// The part of a face: 0 for that of the first face, and so on; `None` for a face that names a vertex twice.
+    /// The part of a face, counted from 0 in the order of the faces. `None` for a face that names a vertex twice.
     ///
     /// # Panics
     /// Unless there is such a face.
     pub fn part_of(&self, face: usize) -> Option<usize> {
         let part = self.parts[face];
-        (part != NO_PART).then_some(part as usize)
+        (part != NO_GROUP).then_some(part as usize)
     }
 
     /// Whether each edge has two faces or more.
@@ -125,8 +123,8 @@ fn corner_at(faces: &[[u32; 3]], side: &Side, end: u32) -> u32 {
     3 * side.face + corner_of(faces[side.face as usize], end) as u32
 }
 
-/// The number of rings of the sides of edges that have other than two faces. Two sides are neighbours if they end the
-/// same fan.
+/// The number of closed loops of the sides of edges that have other than two faces. Two sides follow each other where
+/// they bound the same fan of faces.
 fn loops(faces: &[[u32; 3]], sides: &[Side], fans: &mut Groups) -> usize {
     let ends: Vec<&Side> = edges(sides).filter(|edge| edge.len() != 2).flatten().collect();
     let mut rings = Groups::new(ends.len());
@@ -139,45 +137,6 @@ fn loops(faces: &[[u32; 3]], sides: &[Side], fans: &mut Groups) -> usize {
         same.windows(2).for_each(|pair| rings.join(pair[0].1, pair[1].1));
     }
     rings.labels(|_| true).1
-}
-
-/// Numbers joined to groups.
-struct Groups(Vec<u32>);
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    /// The lowest number of a group.
-    fn first(&mut self, mut number: u32) -> u32 {
-        while self.0[number as usize] != number {
-            // Paths are halved as they are walked.
-            self.0[number as usize] = self.0[self.0[number as usize] as usize];
-            number = self.0[number as usize];
-        }
-        number
-    }
-
-    fn join(&mut self, one: u32, other: u32) {
-        let [one, other] = [one, other].map(|number| self.first(number));
-        self.0[one.max(other) as usize] = one.min(other);
-    }
-
-    /// The group of each number that counts, in the order of their first numbers, and how many there are.
-    fn labels(&mut self, counts: impl Fn(u32) -> bool) -> (Vec<u32>, usize) {
-        let mut labels = vec![NO_PART; self.0.len()];
-        let mut count = 0;
-        for number in (0..self.0.len() as u32).filter(|number| counts(*number)) {
-            let first = self.first(number) as usize;
-            if labels[first] == NO_PART {
-                labels[first] = count;
-                count += 1;
-            }
-            labels[number as usize] = labels[first];
-        }
-        (labels, count as usize)
-    }
 }
 
 #[cfg(test)]

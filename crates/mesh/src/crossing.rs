@@ -1,7 +1,7 @@
 //! Whether two faces cross.
 //!
-//! An edge of one of them has to pass through the inside of the other. Signs of volumes say so. A sign that
-//! rounding could have turned counts as 0: what touches does not cross, and neither do faces in one plane.
+//! They cross where an edge of one passes through the inside of the other, which the signs of volumes tell. A sign that
+//! rounding could have turned counts as 0. So faces that touch do not cross, and neither do faces in one plane.
 //!
 //! # Source
 //! Shewchuk, *Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates*, 1997, for the
@@ -38,8 +38,8 @@ fn pierces(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
     sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)
 }
 
-/// Whether two faces cross, `(vertex indices, positions)` each. Of faces that share a vertex only the edges
-/// that face it can pass through the other; faces that share an edge never cross.
+/// Whether two faces cross, each given by its vertex indices and positions. Of faces that share a vertex only the
+/// edges that face it can pass through the other. Faces that share an edge never cross.
 pub(crate) fn cross(
     (f, f_points): (&[u32; 3], &[DVec3; 3]),
     (g, g_points): (&[u32; 3], &[DVec3; 3]),

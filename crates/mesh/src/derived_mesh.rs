@@ -1,4 +1,4 @@
-//! A mesh made of another one.
+//! A mesh whose vertices are weighted means of the vertices of another mesh.
 
 use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
@@ -28,8 +28,8 @@ impl<T: Scalar> DerivedMesh<T> {
         Ok(Self { positions: product(&weights, positions)?, mesh, weights })
     }
 
-    /// The values at the new vertices, `[W, ...]`, of values at the old ones, `[V, ...]`: colours, an
-    /// optimizer's moments. The entries of an old vertex that is kept have the same bits.
+    /// Carries values at the old vertices, `[V, ...]`, such as colours, over to the new ones: `[W, ...]`. At an old
+    /// vertex that is kept, they keep their bits.
     ///
     /// # Errors
     /// [`TensorError::Shape`] unless there is a row for each old vertex.
@@ -67,8 +67,7 @@ fn product<T: Scalar>(
     Ok(Tensor::new(&shape[..], data)?)
 }
 
-/// The vertices that are kept of `count`, and `faces` of these, which then name the places of their vertices among
-/// them.
+/// The vertices of `count` that are kept, and `faces` with indices into this list of vertices.
 pub(crate) fn kept_part(
     count: usize,
     is_kept: impl Fn(usize) -> bool,

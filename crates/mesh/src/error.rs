@@ -1,76 +1,76 @@
-//! What is refused.
+//! Errors of operations on meshes.
 
 use bokashi_core::TensorError;
 use bokashi_render_ops::RenderError;
 use thiserror::Error;
 
-/// Why a mesh or a number was refused.
+/// An error of an operation on meshes.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// Faces that are no mesh.
+    /// A rendering operation, or the mesh itself, was refused.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A tensor of the wrong shape.
+    /// A tensor operation was refused.
     #[error(transparent)]
     Tensor(#[from] TensorError),
-    /// A grid without a cell, or with too many points.
+    /// A grid has no cell, or too many points.
     #[error("a grid needs at least 2 points along each axis and fewer than 2^31 in all, got {} x {} x {}", shape[0], shape[1], shape[2])]
     GridShape {
         /// The points along x, y and z.
         shape: [usize; 3],
     },
-    /// A grid that stands nowhere.
+    /// The points of a grid are not finite, or its spacing is not positive.
     #[error(
         "a grid needs finite points and a positive spacing, got origin {origin:?} and spacing {spacing}"
     )]
     GridPlace {
-        /// Where its first point would stand.
+        /// The position of the first point.
         origin: [f64; 3],
         /// The distance between neighbours.
         spacing: f64,
     },
-    /// A box with an end below its start.
+    /// A box ends below its start along an axis.
     #[error("a grid needs a box that starts below its end, got one from {low:?} to {high:?}")]
     GridBox {
-        /// Where it would start.
+        /// The least corner of the box.
         low: [f64; 3],
-        /// Where it would end.
+        /// The largest corner of the box.
         high: [f64; 3],
     },
-    /// A number of a field that is none.
+    /// A value of a field is not finite.
     #[error("a field needs to be finite, got {value} at grid point {point:?}")]
     FieldValue {
         /// The place of the point along x, y and z.
         point: [usize; 3],
-        /// The number.
+        /// The value.
         value: f64,
     },
-    /// A point of a grid that stands nowhere.
+    /// The position of a point of a grid is not finite.
     #[error("grid points need finite positions, got {position:?} at grid point {point:?}")]
     PointPosition {
         /// The place of the point along x, y and z.
         point: [usize; 3],
-        /// Where it would stand.
+        /// The position.
         position: [f64; 3],
     },
-    /// A texture without room for all charts.
+    /// A texture has no room for all charts.
     #[error("an atlas of {charts} charts needs more texels than {size} x {size}")]
     AtlasSize {
         /// The texels along each side.
         size: usize,
-        /// How many charts there are.
+        /// The number of charts.
         charts: usize,
     },
-    /// A surface without an area.
+    /// A surface has no area.
     #[error("{operation} needs a face with an area, got none among {faces}")]
     NoArea {
         /// The operation.
         operation: &'static str,
-        /// How many faces there are.
+        /// The number of faces.
         faces: usize,
     },
-    /// A mesh without faces.
+    /// A mesh has no faces.
     #[error("{operation} needs a mesh with faces, got none")]
     NoFaces {
         /// The operation.

@@ -4,7 +4,7 @@ use bokashi_core::{Scalar, Tensor};
 
 use crate::error::MeshError;
 
-/// Points in rows along x, y and z, at equal distances: the corners of cubic cells.
+/// A regular grid of points along x, y and z, the corners of cubic cells.
 ///
 /// The point (i, j, k) stands at `origin + spacing (i, j, k)`. Of `[nx, ny, nz]` points it has the index
 /// `(i ny + j) nz + k`: numbers at points are a tensor of that shape, row-major as all tensors.

@@ -37,12 +37,12 @@ mod connectivity;
 mod crossing;
 mod derived_mesh;
 mod distances;
-mod edges;
 mod error;
 mod field;
 #[cfg(test)]
 mod fixtures;
 mod grid;
+mod groups;
 mod measures;
 mod placed;
 // Unit tests compile what they call.

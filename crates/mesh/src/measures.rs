@@ -1,19 +1,20 @@
-//! Numbers of a surface: its area, the volume inside, and where it crosses itself.
+//! Measures of a surface: its area, its volume, and the pairs of its faces that cross.
 
 use bokashi_core::{Scalar, Tensor, parallel};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 
 use crate::box_tree::{Bounds, BoxTree};
 use crate::crossing::cross;
 use crate::error::MeshError;
 use crate::placed::Placed;
-use crate::triangle::{area_vector, repeats_a_vertex};
+use crate::triangle::area_vector;
 
 /// Faces whose crossings one thread looks for at once.
 const FACES_PER_PIECE: usize = 256;
 
-/// The area of the faces at `positions: [V, 3]`, in square units of these.
+/// The area of the faces at `positions: [V, 3]`, in squared units of the positions.
 ///
 /// # Errors
 /// [`TensorError::Shape`](bokashi_core::TensorError::Shape) unless there is a position for each vertex;
@@ -24,9 +25,9 @@ pub fn surface_area<T: Scalar>(positions: &Tensor<T>, mesh: &Mesh) -> Result<f64
     Ok(0.5 * twice.sum::<f64>() * placed.unit * placed.unit)
 }
 
-/// The volume inside the faces at `positions: [V, 3]`, in cubic units of these: positive where faces are
-/// counterclockwise seen from outside. It is the sum of the volumes between each face and the middle of all
-/// positions, whether or not the surface is closed.
+/// The volume inside the faces at `positions: [V, 3]`, in cubed units of the positions. It is positive where faces are
+/// counterclockwise seen from outside. Each face adds the tetrahedron between it and the middle of all positions, also
+/// where the surface is not closed.
 ///
 /// # Errors
 /// As [`surface_area`].
@@ -44,11 +45,11 @@ pub fn signed_volume<T: Scalar>(positions: &Tensor<T>, mesh: &Mesh) -> Result<f6
 /// Pairs of faces that cross, the lower index first, in increasing order.
 ///
 /// Two faces without a common vertex cross where an edge of one passes through the inside of the other. Of faces with
-/// one common vertex, only the edges that face it count. Faces that share an edge never cross. Each pair crosses for
-/// certain, at these positions and without rounding. The rule knows no distance, so it is the same at any scale.
+/// one common vertex, only the edges that face it count. Faces that share an edge never cross. A pair is returned only
+/// where rounding cannot have decided. No tolerance is involved, so the result is the same at any scale.
 ///
-/// What touches does not cross: an edge that ends on a face, or faces in one plane. Neither does an edge that passes
-/// through another face's edge, where rounding could decide.
+/// Faces that touch do not cross: an edge may end on a face, or faces may lie in one plane. An edge that passes through
+/// an edge of the other face, to within rounding, does not count either.
 ///
 /// # Errors
 /// As [`surface_area`].

@@ -1,4 +1,4 @@
-//! Points as they are computed with.
+//! Checked positions, in `f64` and scaled by a power of two.
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
@@ -72,8 +72,8 @@ fn rows<T: Scalar>(tensor: &Tensor<T>) -> Vec<DVec3> {
     rows.map(|row| DVec3::from_array(row.map(Scalar::to_f64))).collect()
 }
 
-/// Divides points by one power of two, and returns it. They then lie within -2 and 2, and no product of them leaves
-/// the range of the numbers.
+/// Divides all points by one power of two, and returns that power. The points then lie within -2 and 2, so no product
+/// of a few coordinates leaves the range of the numbers.
 pub(crate) fn balance<const N: usize>(mut clouds: [&mut [DVec3]; N]) -> f64 {
     let all = clouds.iter().flat_map(|cloud| cloud.iter());
     let size = all.fold(0.0_f64, |size, point| size.max(point.abs().max_element()));
@@ -86,14 +86,14 @@ pub(crate) fn balance<const N: usize>(mut clouds: [&mut [DVec3]; N]) -> f64 {
 /// The positions of a mesh, [balanced](balance).
 #[derive(Debug)]
 pub(crate) struct Placed {
-    /// Within -2 and 2.
+    /// The positions over `unit`, within -2 and 2.
     pub(crate) points: Vec<DVec3>,
-    /// What they were divided by.
+    /// The power of two by which positions were divided.
     pub(crate) unit: f64,
 }
 
 impl Placed {
-    /// The positions `[V, 3]` of the vertices of `mesh`.
+    /// Scales the positions `[V, 3]` of the vertices of `mesh`.
     ///
     /// # Errors
     /// As [`check_positions`].

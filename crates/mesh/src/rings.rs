@@ -1,23 +1,22 @@
-//! The neighbours that smooth a vertex.
+//! The neighbours with which a vertex is smoothed.
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{Side, edges};
 
-use crate::edges::{Side, edges};
-
-/// Which vertices a vertex is smoothed with.
+/// The neighbours with which each vertex is smoothed.
 ///
-/// Where each edge at a vertex has two faces, all its neighbours. Where two edges have another number, as at a
-/// boundary, the two at their ends, so that a boundary depends on itself alone. Elsewhere none: corners at which
-/// surfaces meet, and vertices without a face.
+/// A vertex whose edges all have two faces has all its neighbours. Where two edges have another number of faces, as at
+/// a boundary, it has the other ends of these two. So a boundary depends on itself alone. Corners at which surfaces
+/// meet, and vertices without a face, have none.
 #[derive(Debug)]
 pub(crate) struct Rings {
     starts: Vec<usize>,
     neighbors: Vec<u32>,
-    is_rim: Vec<bool>,
+    is_boundary: Vec<bool>,
 }
 
 impl Rings {
-    /// Those of a mesh, whose [sides](crate::edges::sides) are given.
+    /// The neighbours in a mesh, whose [sides](bokashi_render_ops::edges::sides) are given.
     pub(crate) fn new(mesh: &Mesh, sides: &[Side]) -> Self {
         let count = mesh.vertex_count();
         let (mut all, mut sharp) = (vec![0_u32; count], vec![0_u32; count]);
@@ -50,16 +49,16 @@ impl Rings {
                 }
             }
         }
-        Self { starts, neighbors, is_rim: sharp.iter().map(|sharp| *sharp == 2).collect() }
+        Self { starts, neighbors, is_boundary: sharp.iter().map(|sharp| *sharp == 2).collect() }
     }
 
-    /// Those of a vertex, in increasing order.
+    /// The neighbours of a vertex, in increasing order.
     pub(crate) fn neighbors(&self, vertex: usize) -> &[u32] {
         &self.neighbors[self.starts[vertex]..self.starts[vertex + 1]]
     }
 
     /// Whether a vertex is smoothed along a boundary.
-    pub(crate) fn is_rim(&self, vertex: usize) -> bool {
-        self.is_rim[vertex]
+    pub(crate) fn is_boundary(&self, vertex: usize) -> bool {
+        self.is_boundary[vertex]
     }
 }

@@ -10,19 +10,19 @@
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::sides;
 use bokashi_render_ops::glam::DVec3;
 
-use crate::edges::sides;
 use crate::error::MeshError;
 use crate::placed::Placed;
 use crate::rings::Rings;
 
-/// How positions are smoothed.
+/// A rule of smoothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Smoothing {
-    /// By this share of the way to the mean of the neighbours, from 0 to 1.
+    /// Moves a vertex by this share of the way to the mean of its neighbours, from 0 to 1.
     Laplacian(f64),
-    /// There and back again.
+    /// Moves a vertex toward the mean of its neighbours, then away from their new mean: the surface shrinks less.
     Taubin {
         /// The share of the way there, from 0 to 1.
         shrink: f64,
@@ -32,7 +32,7 @@ pub enum Smoothing {
 }
 
 impl Smoothing {
-    /// Taubin's: 0.5 there and 0.53 back.
+    /// Taubin's rule with the shares 0.5 and 0.53.
     pub const TAUBIN: Self = Self::Taubin { shrink: 0.5, swell: 0.53 };
 
     /// The shares of one iteration.

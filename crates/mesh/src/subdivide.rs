@@ -16,20 +16,19 @@
 
 use bokashi_core::{Scalar, SparseMatrix, Tensor};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{Side, edges, repeats_a_vertex, sides};
 
 use crate::derived_mesh::DerivedMesh;
-use crate::edges::{Side, edges, sides};
 use crate::error::MeshError;
 use crate::placed::check_positions;
 use crate::rings::Rings;
-use crate::triangle::repeats_a_vertex;
 
-/// Where the vertices of a subdivided mesh lie.
+/// A rule that places the vertices of a subdivided mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subdivision {
-    /// At old vertices and at the middle of edges: the surface is the same.
+    /// Old vertices stay, and new ones lie at the middle of edges: the surface is the same.
     Midpoint,
-    /// Where Loop's rules put them: the surface becomes smooth.
+    /// Loop's weights place old and new vertices: the surface becomes smooth.
     Loop,
 }
 
@@ -133,7 +132,7 @@ fn loop_weights(mesh: &Mesh, sides: &[Side]) -> Triplets {
         let n = neighbors.len() as f64;
         let share = if neighbors.is_empty() {
             0.0
-        } else if rings.is_rim(vertex) {
+        } else if rings.is_boundary(vertex) {
             0.125
         } else {
             let middle = 0.375 + 0.25 * (std::f64::consts::TAU / n).cos();

@@ -2,11 +2,6 @@
 
 use bokashi_render_ops::glam::DVec3;
 
-/// Whether a face names a vertex twice.
-pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
-    a == b || b == c || c == a
-}
-
 /// The normal whose length is twice the area.
 #[inline]
 pub(crate) fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
@@ -20,7 +15,7 @@ pub(crate) fn quality([a, b, c]: [DVec3; 3]) -> f64 {
     if sides > 0.0 { 12_f64.sqrt() * area_vector([a, b, c]).length() / sides } else { 0.0 }
 }
 
-/// The corner of a face at which `vertex` stands, of one that it has.
+/// The corner of a face at which its vertex `vertex` stands.
 #[inline]
 pub(crate) fn corner_of(face: [u32; 3], vertex: u32) -> usize {
     usize::from(face[1] == vertex) + 2 * usize::from(face[2] == vertex)
@@ -33,15 +28,15 @@ pub(crate) fn other_corners(face: [u32; 3], vertex: u32) -> [u32; 2] {
     [face[(corner + 1) % 3], face[(corner + 2) % 3]]
 }
 
-/// What rounding moves a point by, for each unit of its coordinates: those of a few sums and products.
+/// A bound on how far rounding moves a point, over its largest coordinate: a few sums and products.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// The barycentrics of the point of a triangle that is nearest to `p`, and the square of its distance.
 ///
-/// It lies on one of the edges, or is the foot of the perpendicular where this falls within and is nearer. At an edge or
-/// a corner, to within rounding, the other barycentrics are exactly 0. Distances are those of the points that are found.
-/// So rounding in a sliver can make the point a bit farther, and never wrong. A triangle without an area is the edges
-/// that it has.
+/// The point lies on an edge, or it is the foot of the perpendicular from `p`, where this foot is inside and nearer. On
+/// an edge or a corner, to within rounding, the other barycentrics are exactly 0. The distance is measured to the point
+/// that is returned. So in a sliver rounding may return a point that is slightly too far, but with its true distance. A
+/// triangle without an area counts as its edges.
 pub(crate) fn nearest(corners: [DVec3; 3], p: DVec3) -> ([f64; 3], f64) {
     let [a, b, c] = corners;
     let (to_b, to_c, to_p) = (b - a, c - a, p - a);

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bokashi_core::{Tape, Tensor};
+use bokashi_core::Tensor;
 use bokashi_scene as scene;
-use bokashi_scene::{Renderer, SceneError, Values};
+use bokashi_scene::{Renderer, SceneError};
 use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
@@ -44,14 +44,6 @@ impl View {
     }
 }
 
-/// A view as it is seen, `[H, W, 3]`.
-fn drawn(renderer: &Renderer, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
-    let tape = Tape::new();
-    let values = Values { tape: &tape, learnt: None };
-    let drawn = renderer.draw(&values, view, reduce, false)?;
-    Ok(renderer.image(&values, &drawn, reduce)?.value())
-}
-
 #[pymethods]
 impl Scene {
     /// The scene of the file at `path`; all its files lie in that file's folder.
@@ -83,7 +75,7 @@ impl Scene {
     #[pyo3(signature = (view=View::Number(0), reduce=1))]
     fn render<'py>(&self, py: Python<'py>, view: View, reduce: usize) -> Picture<'py> {
         let view = view.number(&self.0)?;
-        let image = released(py, || drawn(&Renderer::new(Arc::clone(&self.0))?, view, reduce));
+        let image = released(py, || Renderer::new(Arc::clone(&self.0))?.picture(view, reduce));
         to_array(py, image.map_err(Refusal::from)?)
     }
 

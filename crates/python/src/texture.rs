@@ -2,7 +2,8 @@
 
 use bokashi_core::{OutputVars, Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    self as ops, CubeMap, Detail, Sampler, StillCubeMap, StillTexture, TextureBorder, TextureFilter,
+    self as ops, ConstantCubeMap, ConstantTexture, CubeMap, Detail, Sampler, TextureBorder,
+    TextureFilter,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -59,13 +60,13 @@ impl<'t, T: Scalar> SampleInputs<'t, T> {
 }
 
 /// Inputs: coordinates, level, differentials, bias, then the levels, or texels alone. With `mipmaps` coarser levels are
-/// made of the texels, and with `still` all levels are those of a texture that stays.
+/// made of the texels, and with `constant` all levels are those of a constant texture.
 macro_rules! sample {
-    ($name:ident, $texture:ident, $still:ident) => {
+    ($name:ident, $texture:ident, $kind:ident) => {
         #[pyfunction]
         #[pyo3(signature = (
             coordinates, level, differentials, bias, levels, filter="trilinear", borders=("wrap", "wrap"), coarsest=None,
-            probes=8, mipmaps=false, still=None
+            probes=8, mipmaps=false, constant=None
         ))]
         #[expect(clippy::too_many_arguments, reason = "Python has names for them")]
         pub fn $name<'py>(
@@ -80,7 +81,7 @@ macro_rules! sample {
             coarsest: Option<usize>,
             probes: usize,
             mipmaps: bool,
-            still: Option<&Texture>,
+            constant: Option<&Texture>,
         ) -> Recorded<'py> {
             let filter = self::filter(filter, probes)?;
             let borders = [border(borders.0)?, border(borders.1)?];
@@ -88,11 +89,12 @@ macro_rules! sample {
             let mut inputs = vec![Some(&coordinates), level.as_ref(), differentials.as_ref(), bias.as_ref()];
             inputs.extend(levels.iter().map(Some));
             by_type!(&inputs, T => {
-                let still = still.map(Texture::cast::<T>).transpose()?.map(|levels| levels.$still()).transpose()?;
+                let levels = constant.map(Texture::cast::<T>).transpose()?;
+                let constant = levels.map(|levels| levels.$kind()).transpose()?;
                 record::<T>(py, &inputs, |tape, x| {
                     let inputs_of = SampleInputs::new(x);
-                    let texture = match (&inputs_of.levels[..], &still) {
-                        (_, Some(still)) => still.on(tape),
+                    let texture = match (&inputs_of.levels[..], &constant) {
+                        (_, Some(constant)) => constant.on(tape),
                         (&[texels], None) if mipmaps => {
                             ops::$texture::with_mipmaps_to(texels, coarsest.unwrap_or(usize::MAX))?
                         }
@@ -134,11 +136,11 @@ fn levels_to<'t, T: Scalar>(
 
 const CHECKED: &str = "levels of the same shapes are a texture";
 
-/// The levels of a texture or a cube map that stays.
+/// The levels of a constant texture or cube map.
 #[derive(Clone)]
 enum Levels<T: Scalar> {
-    Plane(StillTexture<T>),
-    Cube(StillCubeMap<T>),
+    Plane(ConstantTexture<T>),
+    Cube(ConstantCubeMap<T>),
 }
 
 impl<T: Number> Levels<T> {
@@ -160,8 +162,8 @@ impl<T: Number> Levels<T> {
                 levels = levels_to(texels, coarsest)?.to_vec();
             }
             Ok::<_, Refusal>(match levels[0].shape().rank() {
-                4 => Self::Cube(CubeMap::from_levels(&levels)?.still()),
-                _ => Self::Plane(ops::Texture::from_levels(&levels)?.still()),
+                4 => Self::Cube(CubeMap::from_levels(&levels)?.constant()),
+                _ => Self::Plane(ops::Texture::from_levels(&levels)?.constant()),
             })
         });
         Ok(made?)
@@ -174,9 +176,9 @@ impl<T: Number> Levels<T> {
             self.tensors().iter().map(|level| tape.constant(&level.cast())).collect();
         match self {
             Self::Plane(_) => {
-                Levels::Plane(ops::Texture::from_levels(&levels).expect(CHECKED).still())
+                Levels::Plane(ops::Texture::from_levels(&levels).expect(CHECKED).constant())
             }
-            Self::Cube(_) => Levels::Cube(CubeMap::from_levels(&levels).expect(CHECKED).still()),
+            Self::Cube(_) => Levels::Cube(CubeMap::from_levels(&levels).expect(CHECKED).constant()),
         }
     }
 
@@ -195,7 +197,7 @@ impl<T: Number> Levels<T> {
         self.tensors().iter().map(|level| T::to_array(py, level.clone())).collect()
     }
 
-    fn plane(self) -> PyResult<StillTexture<T>> {
+    fn plane(self) -> PyResult<ConstantTexture<T>> {
         match self {
             Self::Plane(texture) => Ok(texture),
             Self::Cube(_) => Err(RenderError::new_err(
@@ -204,7 +206,7 @@ impl<T: Number> Levels<T> {
         }
     }
 
-    fn cube(self) -> PyResult<StillCubeMap<T>> {
+    fn cube(self) -> PyResult<ConstantCubeMap<T>> {
         match self {
             Self::Cube(map) => Ok(map),
             Self::Plane(_) => Err(RenderError::new_err(
@@ -300,7 +302,7 @@ impl Texture {
                 Kind::Double(Casts::new(Levels::new(py, &texels, &mips, coarsest)?))
             }
             Array::Dual(_) => {
-                return Err(PyTypeError::new_err("a texture that stays has no tangent, got one"));
+                return Err(PyTypeError::new_err("a constant texture has no tangent, got one"));
             }
         }))
     }

@@ -441,9 +441,11 @@ def test_a_texture_belongs_to_the_tensor_that_it_is_a_view_of(monkeypatch):
 
     monkeypatch.setattr(dr, "Texture", Counted)
     native = dr._native.sample_texture
-    monkeypatch.setattr(
-        dr._native, "sample_texture", lambda *args, still=None, **kwargs: native(*args, still=still and still.own, **kwargs)
-    )
+
+    def sample_texture(*args, constant=None, **kwargs):
+        return native(*args, constant=constant and constant.own, **kwargs)
+
+    monkeypatch.setattr(dr._native, "sample_texture", sample_texture)
     own = tex[0].clone()
     for _ in range(3):
         assert torch.equal(dr.texture(own[None], uv, uv_da), dr.texture(leaf(own[None]), uv, uv_da).detach())

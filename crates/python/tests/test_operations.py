@@ -238,7 +238,7 @@ ENTRIES = {
     "tangents": "tangents", "perturbed_normals": "perturbed_normals", "shade": "shade", "irradiance": "irradiance",
     "environment": "prefiltered shade_in_environment", "reflect": "reflect", "tone": "exposure srgb_encode srgb_decode",
     "rasterize": "rasterize", "rasterize_behind": "rasterize_behind depth_layers", "differentials": "differentials",
-    "sample_texture": "sample_texture mipmaps", "still_textures": "sample_texture sample_cube_map", "sample_cube_map": "sample_cube_map",
+    "sample_texture": "sample_texture mipmaps", "constant_textures": "sample_texture sample_cube_map", "sample_cube_map": "sample_cube_map",
     "interpolate": "interpolate interpolate_differentials", "composite": "picture",
     "composite_layers": "composite_layers", "over": "over", "antialias": "picture antialias_image", "depth": "depth",
     "eye_depth": "eye_depth eye_depth_slope", "depth_of_field": "depth_of_field", "lens_picture": "lens_picture",
@@ -253,7 +253,7 @@ ENTRIES = {
 }
 ABSENT = {
     "blurred_pictures": "gaussian_blur of a picture has the same value; what it saves are rows beside what is covered",
-    "still_fragments": "fragments are arrays: whose gradient nobody wants is not computed",
+    "constant_fragments": "fragments are arrays: whose gradient nobody wants is not computed",
     "sum_over": "a Python program adds losses and gradients of parts itself",
     "compositions": "tests of several operations at once",
     **dict.fromkeys("add sub mul div pow select minimum maximum exp ln sqrt powi powf sin cos tanh relu abs clamp".split(), ENTRY_BY_NAME),

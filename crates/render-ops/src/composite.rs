@@ -55,13 +55,13 @@ impl<'t, T: Scalar> Composite<'t, T> {
         let coverage = fragments.checked_coverage(NAME, tape)?;
         let channels = checked_channels(NAME, values, coverage.count())?;
         let backdrop = background.behind(NAME, tape, coverage.size(), channels)?;
-        let (mut values, mut rim) = (values, None);
+        let (mut values, mut blended) = (values, None);
         if let Some(weight) = fragments.weight {
             let op = MixPieces { coverage: Arc::clone(&coverage), kind: backdrop.kind };
             values = tape.apply(op, &[values, weight, backdrop.values])?;
-            rim = Some(Arc::clone(&coverage.boundary.pixels));
+            blended = Some(Arc::clone(&coverage.boundary.pixels));
         }
-        Ok(Self(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
+        Ok(Self(Picture { values, backdrop, clip: fragments.clip, coverage, blended }))
     }
 }
 

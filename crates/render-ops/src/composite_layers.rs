@@ -92,7 +92,7 @@ pub fn composite_layers<'t, T: Scalar>(
     let op = CompositeLayers { coverages, kind: backdrop.kind };
     let values = tape.apply(op, &inputs)?;
     let clip = front.fragments.clip;
-    Ok(Composite(Picture { values, backdrop, clip, coverage, rim: None }))
+    Ok(Composite(Picture { values, backdrop, clip, coverage, blended: None }))
 }
 
 /// Inputs: a background `[C]` or `[H, W, C]`, then for each layer colours `[N, C]` and alphas `[N]`.

@@ -27,7 +27,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::for_each_two_pieces_mut;
 
 use crate::border::Border;
-use crate::copy::copy;
+use crate::copy::{copy, put};
 use crate::scratch::Workbench;
 use crate::taps::{Taps, Window};
 
@@ -353,15 +353,6 @@ fn block<T>(entries: &[T], start: usize) -> &[T; BLOCK] {
 #[inline(always)]
 fn block_mut<T>(entries: &mut [T], start: usize) -> &mut [T; BLOCK] {
     (&mut entries[start..start + BLOCK]).try_into().expect("the range is a block")
-}
-
-/// Writes as much of a block as there is room for.
-#[inline(always)]
-fn put<T: Copy>(to: &mut [T], block: &[T; BLOCK]) {
-    match to.first_chunk_mut::<BLOCK>() {
-        Some(to) => *to = *block,
-        None => to.copy_from_slice(&block[..to.len()]),
-    }
 }
 
 /// `w_0 p_i + sum_k w_k (p_(i-k) + p_(i+k))` for a block of centres i that starts at `center`; from

@@ -401,13 +401,13 @@ impl Coverage {
         self.mesh.silhouettes_of(face, |face| self.orientations[face])
     }
 
-    /// Calls `visit` with the uncovered pixels, as ranges, but for those of `rim`, which are
+    /// Calls `visit` with the uncovered pixels, as ranges, but for those of `blended`, which are
     /// in order.
-    pub(crate) fn for_each_gap(&self, rim: &[u32], mut visit: impl FnMut(Range<usize>)) {
-        let mut rim = rim.iter().map(|&pixel| pixel as usize).peekable();
+    pub(crate) fn for_each_gap(&self, blended: &[u32], mut visit: impl FnMut(Range<usize>)) {
+        let mut blended = blended.iter().map(|&pixel| pixel as usize).peekable();
         let mut start = 0;
         let mut gap = |end: usize, next: usize| {
-            while let Some(pixel) = rim.next_if(|&pixel| pixel < end) {
+            while let Some(pixel) = blended.next_if(|&pixel| pixel < end) {
                 if start < pixel {
                     visit(start..pixel);
                 }
@@ -463,20 +463,20 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_the_pixels_that_are_neither_covered_nor_of_the_rim() {
+    fn gaps_are_the_pixels_that_are_neither_covered_nor_blended() {
         let coverage = many_faces();
         let uncovered: Vec<_> = (0..coverage.size().pixels())
             .filter(|&pixel| coverage.fragment_at(pixel).is_none())
             .collect();
         for every in [1, 2, 7, usize::MAX] {
-            let rim: Vec<_> = uncovered.iter().step_by(every).map(|&p| p as u32).collect();
+            let blended: Vec<_> = uncovered.iter().step_by(every).map(|&p| p as u32).collect();
             let mut found = Vec::new();
-            coverage.for_each_gap(&rim, |gap| {
+            coverage.for_each_gap(&blended, |gap| {
                 assert!(!gap.is_empty());
                 found.extend(gap);
             });
             let expected: Vec<_> =
-                uncovered.iter().copied().filter(|&p| !rim.contains(&(p as u32))).collect();
+                uncovered.iter().copied().filter(|&p| !blended.contains(&(p as u32))).collect();
             assert_eq!(found, expected);
         }
     }

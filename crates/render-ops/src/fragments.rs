@@ -82,8 +82,8 @@ impl<'t, T: Scalar> Fragments<'t, T> {
 impl<T: Scalar> Fragments<'_, T> {
     /// The fragments without their tape, for other steps and other tapes: of geometry that does not
     /// change, which need be rasterized once. It copies nothing.
-    pub fn still(&self) -> StillFragments<T> {
-        StillFragments {
+    pub fn constant(&self) -> ConstantFragments<T> {
+        ConstantFragments {
             barycentrics: self.barycentrics.value(),
             weight: self.weight.map(Var::value),
             clip: self.clip.value(),
@@ -92,22 +92,24 @@ impl<T: Scalar> Fragments<'_, T> {
     }
 }
 
-/// The fragments of geometry that does not change, which outlive a step: see [`Fragments::still`].
+/// The fragments of geometry that does not change, which outlive a step: see [`Fragments::constant`].
 #[derive(Clone)]
-pub struct StillFragments<T: Scalar> {
+pub struct ConstantFragments<T: Scalar> {
     barycentrics: Tensor<T>,
     weight: Option<Tensor<T>>,
     clip: Tensor<T>,
     coverage: Arc<Coverage>,
 }
 
-impl<T: Scalar> fmt::Debug for StillFragments<T> {
+impl<T: Scalar> fmt::Debug for ConstantFragments<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("StillFragments").field("coverage", &self.coverage).finish_non_exhaustive()
+        f.debug_struct("ConstantFragments")
+            .field("coverage", &self.coverage)
+            .finish_non_exhaustive()
     }
 }
 
-impl<T: Scalar> StillFragments<T> {
+impl<T: Scalar> ConstantFragments<T> {
     /// The fragments on `tape`, as constants: every operation takes them, and none computes a gradient
     /// of the geometry. It copies nothing.
     pub fn on<'t>(&self, tape: &'t Tape<T>) -> Fragments<'t, T> {

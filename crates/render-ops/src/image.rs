@@ -25,8 +25,8 @@ impl<'t, T: Scalar> Picture<'t, T> {
     /// None that a picture can cause.
     #[inline(never)]
     pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
-        let (coverage, rim) = (Arc::clone(&self.coverage), self.rim.clone());
-        let op = Image { coverage, rim, kind: self.backdrop.kind };
+        let (coverage, blended) = (Arc::clone(&self.coverage), self.blended.clone());
+        let op = Image { coverage, blended, kind: self.backdrop.kind };
         self.values.tape().apply(op, &[self.values, self.backdrop.values])
     }
 }
@@ -34,13 +34,13 @@ impl<'t, T: Scalar> Picture<'t, T> {
 /// Inputs: values `[P, C]`, a background `[C]` or `[H, W, C]`.
 struct Image {
     coverage: Arc<Coverage>,
-    rim: Option<Arc<Vec<u32>>>,
+    blended: Option<Arc<Vec<u32>>>,
     kind: Kind,
 }
 
 impl Image {
-    fn rim(&self) -> &[u32] {
-        self.rim.as_deref().map_or(&[], Vec::as_slice)
+    fn blended(&self) -> &[u32] {
+        self.blended.as_deref().map_or(&[], Vec::as_slice)
     }
 }
 
@@ -62,7 +62,7 @@ impl<T: Scalar> Op<T> for Image {
         let (size, channels) = (self.coverage.size(), inputs.shape(0)[1]);
         let (values, background) = (inputs.data(0), inputs.data(1));
         let image = outputs.try_push("image", [size.height, size.width, channels])?;
-        self.coverage.for_each_gap(self.rim(), |gap| {
+        self.coverage.for_each_gap(self.blended(), |gap| {
             let first = gap.start;
             let entries = gap.start * channels..gap.end * channels;
             self.kind.fill(&mut image[entries], background, channels, first);
@@ -71,8 +71,8 @@ impl<T: Scalar> Op<T> for Image {
         for run in &self.coverage.centers.runs {
             image[entries(run.pixels())].copy_from_slice(&values[entries(run.fragments())]);
         }
-        let rim_values = values[self.coverage.centers() * channels..].chunks_exact(channels);
-        for (&pixel, value) in self.rim().iter().zip(rim_values) {
+        let blended_values = values[self.coverage.centers() * channels..].chunks_exact(channels);
+        for (&pixel, value) in self.blended().iter().zip(blended_values) {
             image[pixel as usize * channels..][..channels].copy_from_slice(value);
         }
         Ok(())
@@ -88,14 +88,15 @@ impl<T: Scalar> Op<T> for Image {
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
             let rows = 0..self.coverage.size().height;
-            let picture = PictureRows { coverage: &self.coverage, rim: self.rim(), channels };
+            let picture =
+                PictureRows { coverage: &self.coverage, blended: self.blended(), channels };
             picture.pull_back(image_bar, rows, values_bar.entries());
         }
         let Some(background_bar) = gradients.get(1) else { return };
         if self.kind == Kind::Color {
             sums.clear();
             sums.resize(channels, T::Wide::ZERO);
-            self.coverage.for_each_gap(self.rim(), |gap| {
+            self.coverage.for_each_gap(self.blended(), |gap| {
                 for row in
                     image_bar[gap.start * channels..gap.end * channels].chunks_exact(channels)
                 {
@@ -105,7 +106,7 @@ impl<T: Scalar> Op<T> for Image {
             background_bar.add_each(|c| T::narrow(sums[c]));
         } else {
             let entries = background_bar.entries();
-            self.coverage.for_each_gap(self.rim(), |gap| {
+            self.coverage.for_each_gap(self.blended(), |gap| {
                 for index in gap.start * channels..gap.end * channels {
                     entries[index] += image_bar[index];
                 }

@@ -73,6 +73,8 @@ mod direct_gradients;
 mod dispatch;
 mod downsample;
 mod edge_functions;
+#[doc(hidden)]
+pub mod edges;
 mod environment;
 mod error;
 mod eye_depth;
@@ -153,7 +155,7 @@ pub use error::RenderError;
 pub use eye_depth::{EyeDepth, eye_depth};
 pub use face_normals::face_normals;
 pub use filter::{CustomFilter, Filter};
-pub use fragments::{Fragments, StillFragments};
+pub use fragments::{ConstantFragments, Fragments};
 pub use gaussian_blur::{Blurred, gaussian_blur};
 /// The matrices, vectors and quaternions that cameras and poses are made of.
 pub use glam;
@@ -181,8 +183,8 @@ pub use srgb::{exposure, srgb_decode, srgb_encode};
 pub use tangents::tangents;
 pub use taps::{Blur, Kernel, Radius};
 pub use texture::{
-    CubeMap, Detail, MOST_PROBES, Sampler, StillCubeMap, StillTexture, Texture, TextureBorder,
-    TextureFilter, sample_cube_map, sample_texture,
+    ConstantCubeMap, ConstantTexture, CubeMap, Detail, MOST_PROBES, Sampler, Texture,
+    TextureBorder, TextureFilter, sample_cube_map, sample_texture,
 };
 pub use transform_normals::transform_normals;
 pub use transform_points::transform_points;

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use crate::corners::Corners;
+use crate::edges::{edges, sides};
 use crate::error::RenderError;
 
 /// The faces of a triangle mesh: for each face the indices of its three vertices.
@@ -215,11 +216,6 @@ impl Mesh {
     }
 }
 
-/// Whether a face names a vertex twice.
-pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
-    a == b || b == c || c == a
-}
-
 /// Which faces share an edge of a mesh, by vertex index.
 ///
 /// An edge of exactly two faces joins them. An edge of a single face is a *boundary*; where
@@ -308,33 +304,20 @@ const NO_VERTEX: u32 = u32::MAX;
 
 impl Adjacency {
     fn new(faces: &[[u32; 3]]) -> Self {
-        // Each face's edges as (smaller vertex, larger vertex, face, facing corner), sorted: equal
-        // edges end up side by side, in an order that depends on nothing but the faces.
-        let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * faces.len());
-        for (face, &indices) in faces.iter().enumerate() {
-            if repeats_a_vertex(indices) {
-                continue;
-            }
-            for corner in 0..3 {
-                let (a, b) = (indices[(corner + 1) % 3], indices[(corner + 2) % 3]);
-                edges.push(([a.min(b), a.max(b)], face as u32, corner as u8));
-            }
-        }
-        edges.sort_unstable();
-
         let mut adjacency = Self {
             across: vec![[NO_VERTEX; 3]; faces.len()],
             neighbors: vec![[None; 3]; faces.len()],
             ..Self::default()
         };
-        for same in edges.chunk_by(|left, right| left.0 == right.0) {
-            match *same {
+        for edge in edges(&sides(faces)) {
+            match *edge {
                 [_] => adjacency.boundary_edges += 1,
-                [(_, f, j), (_, g, k)] => {
-                    let (f, j, g, k) = (f as usize, j as usize, g as usize, k as usize);
+                [one, other] => {
+                    let [[f, j], [g, k]] =
+                        [one, other].map(|side| [side.face as usize, usize::from(side.corner)]);
                     adjacency.across[f][j] = faces[g][k];
                     adjacency.across[g][k] = faces[f][j];
-                    let is_opposite = faces[f][(j + 1) % 3] != faces[g][(k + 1) % 3];
+                    let is_opposite = one.rises != other.rises;
                     let neighbor = |face: usize, corner: usize| {
                         Some(Neighbor { face: face as u32, corner: corner as u8, is_opposite })
                     };

@@ -22,9 +22,9 @@ use crate::size::Size;
 /// A sparse image: the values of the pixels that can differ from a background, and the background.
 ///
 /// # Shapes
-/// The values are `[P, C]`. P counts the pixels whose centre is covered, and the *rim*: beside
-/// silhouettes, once they are antialiased, the uncovered pixels; with exact coverage the pixels that
-/// a discontinuity crosses.
+/// The values are `[P, C]`. P counts the pixels that show one fragment at their centre, and the *blended
+/// pixels* after them. These are the uncovered pixels beside silhouettes, once they are antialiased; with
+/// exact coverage the pixels that a discontinuity crosses.
 #[derive(Debug, Clone)]
 pub struct Picture<'t, T: Scalar> {
     pub(crate) values: Var<'t, T>,
@@ -32,8 +32,8 @@ pub struct Picture<'t, T: Scalar> {
     /// The clip positions that were rasterized.
     pub(crate) clip: Var<'t, T>,
     pub(crate) coverage: Arc<Coverage>,
-    /// The pixels of the rim, in order, where there are any.
-    pub(crate) rim: Option<Arc<Vec<u32>>>,
+    /// The blended pixels, in order, where there are any.
+    pub(crate) blended: Option<Arc<Vec<u32>>>,
 }
 
 /// A [`Picture`] that was not antialiased. It can be used as it is: its silhouettes are then aliased,
@@ -77,7 +77,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     /// The pixel of each row of the values, `row * width + column`.
     pub fn pixels(&self) -> impl Iterator<Item = usize> + Clone + '_ {
         let centers = self.coverage.centers.runs.iter().flat_map(Run::pixels);
-        centers.chain(self.rim().iter().map(|&pixel| pixel as usize))
+        centers.chain(self.blended().iter().map(|&pixel| pixel as usize))
     }
 
     /// The background, as it is after every [`Picture::map`].
@@ -137,9 +137,9 @@ impl<'t, T: Scalar> Picture<'t, T> {
         Ok(Self { values, backdrop, ..self.clone() })
     }
 
-    /// The pixels of the rim, in order.
-    pub(crate) fn rim(&self) -> &[u32] {
-        self.rim.as_deref().map_or(&[], Vec::as_slice)
+    /// The blended pixels, in order.
+    pub(crate) fn blended(&self) -> &[u32] {
+        self.blended.as_deref().map_or(&[], Vec::as_slice)
     }
 
     /// Whether the background is a colour that no gradient is asked of, with these entries.

@@ -13,8 +13,8 @@ use crate::runs::rows_per_band;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PictureRows<'a> {
     pub(crate) coverage: &'a Coverage,
-    /// The pixels of the rim, in order.
-    pub(crate) rim: &'a [u32],
+    /// The blended pixels, in order.
+    pub(crate) blended: &'a [u32],
     pub(crate) channels: usize,
 }
 
@@ -34,9 +34,9 @@ impl PictureRows<'_> {
                 let values = &values[fragments.start * channels..fragments.end * channels];
                 image[..values.len()].copy_from_slice(values);
             }
-            let rim = self.rim_within(before..rows.end * size.width);
-            let values = &values[(self.coverage.centers() + rim.start) * channels..];
-            for (&pixel, value) in self.rim[rim].iter().zip(values.chunks_exact(channels)) {
+            let blended = self.blended_within(before..rows.end * size.width);
+            let values = &values[(self.coverage.centers() + blended.start) * channels..];
+            for (&pixel, value) in self.blended[blended].iter().zip(values.chunks_exact(channels)) {
                 let start = (pixel as usize - before) * channels;
                 image[start..start + channels].copy_from_slice(value);
             }
@@ -57,7 +57,7 @@ impl PictureRows<'_> {
         debug_assert!(rows.start.is_multiple_of(per_band));
         let pixels = rows.start * size.width..rows.end * size.width;
         let runs = &coverage.centers;
-        let (centers_bar, rim_bar) = values_bar.split_at_mut(coverage.centers() * channels);
+        let (centers_bar, blended_bar) = values_bar.split_at_mut(coverage.centers() * channels);
         let bands = rows.start / per_band..rows.end.div_ceil(per_band).min(runs.bands());
         let work = |slots: Range<usize>, _: usize, entries: &mut [T]| {
             let mut rest = entries;
@@ -69,17 +69,17 @@ impl PictureRows<'_> {
             }
         };
         runs.merge_some_bands_mut(bands, channels, centers_bar, work, |()| {});
-        let rim = self.rim_within(pixels.clone());
-        let rim_bar = rim_bar[rim.start * channels..].chunks_exact_mut(channels);
-        for (&pixel, bars) in self.rim[rim].iter().zip(rim_bar) {
+        let blended = self.blended_within(pixels.clone());
+        let blended_bar = blended_bar[blended.start * channels..].chunks_exact_mut(channels);
+        for (&pixel, bars) in self.blended[blended].iter().zip(blended_bar) {
             let upstream = &image_bar[(pixel as usize - pixels.start) * channels..];
             bars.iter_mut().zip(upstream).for_each(|(bars, &bar)| *bars += bar);
         }
     }
 
-    /// Which pixels of the rim lie within `pixels`.
-    fn rim_within(&self, pixels: Range<usize>) -> Range<usize> {
-        let before = |end: usize| self.rim.partition_point(|&pixel| (pixel as usize) < end);
+    /// Which blended pixels lie within `pixels`.
+    fn blended_within(&self, pixels: Range<usize>) -> Range<usize> {
+        let before = |end: usize| self.blended.partition_point(|&pixel| (pixel as usize) < end);
         before(pixels.start)..before(pixels.end)
     }
 }

@@ -21,7 +21,7 @@ use smallvec::SmallVec;
 use crate::error::RenderError;
 use crate::matrix::{self, Matrix4};
 use crate::point_map::{add_points_bar, map_points, moments, sum};
-use crate::projection::{self, CAMERA_RULE, Camera};
+use crate::projection::{CAMERA_RULE, Camera};
 use crate::rotation::{self, Matrix3};
 
 /// Where an object is: turned about its origin, then moved.
@@ -60,10 +60,7 @@ fn record<'t, T: Scalar>(
     camera: Camera<'t, T>,
     pose: Option<Pose<'t, T>>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let (fixed, variable) = match camera {
-        Camera::Fixed(matrix) => (Some(projection::rows(&matrix)?), None),
-        Camera::Variable(matrix) => (None, Some(matrix)),
-    };
+    let (fixed, variable) = (camera.fixed()?, camera.variable());
     let pose = pose.map(|Pose { rotation, translation }| [rotation, translation]);
     let op = Project { fixed, is_posed: pose.is_some() };
     let inputs = std::iter::once(positions).chain(pose.into_iter().flatten()).chain(variable);

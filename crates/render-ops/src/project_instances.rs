@@ -20,7 +20,7 @@ use smallvec::SmallVec;
 use crate::error::RenderError;
 use crate::matrix::{self, Matrix4};
 use crate::point_map::{POINTS_PER_PIECE, map_piece, piece_moments};
-use crate::projection::{self, CAMERA_RULE, Camera};
+use crate::projection::{CAMERA_RULE, Camera};
 
 const NAME: &str = "project_instances";
 
@@ -53,10 +53,7 @@ fn record<'t, T: Scalar>(
     matrices: Var<'t, T>,
     camera: Camera<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let (fixed, variable) = match camera {
-        Camera::Fixed(matrix) => (Some(projection::rows(&matrix)?), None),
-        Camera::Variable(matrix) => (None, Some(matrix)),
-    };
+    let (fixed, variable) = (camera.fixed()?, camera.variable());
     let inputs: SmallVec<[_; 3]> = [positions, matrices].into_iter().chain(variable).collect();
     positions.tape().apply(ProjectInstances { fixed }, &inputs)
 }

@@ -32,6 +32,27 @@ impl<'t, T: Scalar> From<Var<'t, T>> for Camera<'t, T> {
     }
 }
 
+impl<'t, T: Scalar> Camera<'t, T> {
+    /// The rows of a fixed matrix; `None` for a variable.
+    ///
+    /// # Errors
+    /// [`RenderError::Camera`] for an entry that is not finite.
+    pub(crate) fn fixed<S: Scalar>(self) -> Result<Option<Matrix4<S>>, RenderError> {
+        match self {
+            Self::Fixed(matrix) => rows(&matrix).map(Some),
+            Self::Variable(_) => Ok(None),
+        }
+    }
+
+    /// The variable; `None` for a fixed matrix.
+    pub(crate) fn variable(self) -> Option<Var<'t, T>> {
+        match self {
+            Self::Fixed(_) => None,
+            Self::Variable(matrix) => Some(matrix),
+        }
+    }
+}
+
 /// The rule of a camera's shape.
 pub(crate) const CAMERA_RULE: &str = "a camera matrix of shape [4, 4]";
 

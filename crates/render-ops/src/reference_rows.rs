@@ -20,7 +20,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ) -> Result<[Var<'t, T>; 2], TensorError> {
         let op = ReferenceRows {
             coverage: Arc::clone(&self.coverage),
-            rim: self.rim.clone(),
+            blended: self.blended.clone(),
             loss: loss.clone(),
         };
         let tape = self.values.tape();
@@ -33,7 +33,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
 /// No inputs. Outputs: the reference `[P, R]`, and the loss of all other pixels, `[]`.
 struct ReferenceRows<T: Scalar> {
     coverage: Arc<Coverage>,
-    rim: Option<Arc<Vec<u32>>>,
+    blended: Option<Arc<Vec<u32>>>,
     loss: PixelLoss<T>,
 }
 
@@ -53,19 +53,19 @@ impl<T: Scalar> Op<T> for ReferenceRows<T> {
     ) -> Result<(), TensorError> {
         let reference = self.loss.reference();
         let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
-        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
+        let blended = self.blended.as_deref().map_or(&[][..], Vec::as_slice);
         let entries = |pixels: Range<usize>| pixels.start * channels..pixels.end * channels;
-        let rows = outputs.push([coverage.centers() + rim.len(), channels]);
-        let (centers, of_rim) = rows.split_at_mut(coverage.centers() * channels);
+        let rows = outputs.push([coverage.centers() + blended.len(), channels]);
+        let (centers, blended_rows) = rows.split_at_mut(coverage.centers() * channels);
         for run in &coverage.centers.runs {
             let from = &reference.data()[entries(run.pixels())];
             centers[entries(run.fragments())].copy_from_slice(from);
         }
-        for (row, &pixel) in of_rim.chunks_exact_mut(channels).zip(rim) {
+        for (row, &pixel) in blended_rows.chunks_exact_mut(channels).zip(blended) {
             row.copy_from_slice(&reference.data()[pixel as usize * channels..][..channels]);
         }
         let mut total = T::Wide::ZERO;
-        coverage.for_each_gap(rim, |gap| total += self.loss.behind(gap));
+        coverage.for_each_gap(blended, |gap| total += self.loss.behind(gap));
         outputs.push([])[0] = T::narrow(total);
         Ok(())
     }

@@ -29,7 +29,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ) -> Result<Var<'t, T>, TensorError> {
         let op = SquaredError {
             coverage: Arc::clone(&self.coverage),
-            rim: self.rim.clone(),
+            blended: self.blended.clone(),
             loss: loss.clone(),
         };
         let tape = values.tape();
@@ -41,7 +41,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
 /// Input: values `[P, C]`. Output: `[]`.
 struct SquaredError<T: Scalar> {
     coverage: Arc<Coverage>,
-    rim: Option<Arc<Vec<u32>>>,
+    blended: Option<Arc<Vec<u32>>>,
     loss: PixelLoss<T>,
 }
 
@@ -92,7 +92,7 @@ impl<T: Scalar> SquaredError<T> {
     fn total(&self, x: &[T], slopes: &mut [T], gaps: &mut Vec<T::Wide>) -> T::Wide {
         gaps.clear();
         let list_gaps =
-            || self.coverage.for_each_gap(self.rim(), |gap| gaps.push(self.loss.behind(gap)));
+            || self.coverage.for_each_gap(self.blended(), |gap| gaps.push(self.loss.behind(gap)));
         let are_shared = self.coverage.centers.is_shared();
         let (total, ()) = join(are_shared, || self.compare(x, slopes), list_gaps);
         gaps.iter().fold(total, |total, &gap| total + gap)
@@ -104,8 +104,8 @@ impl<T: Scalar> SquaredError<T> {
         let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
         let reference = reference.data();
         let runs = &coverage.centers;
-        let (covered, rim) = slopes.split_at_mut(coverage.centers() * channels);
-        let (x_covered, x_rim) = x.split_at(covered.len());
+        let (covered, blended) = slopes.split_at_mut(coverage.centers() * channels);
+        let (x_covered, x_blended) = x.split_at(covered.len());
         let square = |difference: &T| difference.widen() * difference.widen();
         let two = T::from_f64(2.0);
         let mut total = T::Wide::ZERO;
@@ -128,8 +128,8 @@ impl<T: Scalar> SquaredError<T> {
             )
         };
         runs.merge_bands_mut(channels, covered, work, |band| total += band);
-        let rows = rim.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
-        for (&pixel, (row, x)) in self.rim().iter().zip(rows) {
+        let rows = blended.chunks_exact_mut(channels).zip(x_blended.chunks_exact(channels));
+        for (&pixel, (row, x)) in self.blended().iter().zip(rows) {
             let reference = &reference[pixel as usize * channels..][..channels];
             row.iter_mut().zip(x.iter().zip(reference)).for_each(|(row, (&x, &r))| *row = x - r);
             total += row.iter().map(square).sum();
@@ -138,8 +138,8 @@ impl<T: Scalar> SquaredError<T> {
         total
     }
 
-    fn rim(&self) -> &[u32] {
-        self.rim.as_deref().map_or(&[], Vec::as_slice)
+    fn blended(&self) -> &[u32] {
+        self.blended.as_deref().map_or(&[], Vec::as_slice)
     }
 }
 

@@ -56,6 +56,19 @@ pub(crate) fn across<S: Scalar>(n: Vector3<S>, a: Vector3<S>) -> Vector3<S> {
     difference(a, scaled(dot(n, a), n))
 }
 
+/// The gradient of a vector of a length above 0 from that of its direction `unit`; 0 where the length is 0.
+#[inline(always)]
+pub(crate) fn direction_bar<S: Scalar>(
+    unit: Vector3<S>,
+    length: S,
+    unit_bar: Vector3<S>,
+) -> Vector3<S> {
+    if length == S::ZERO {
+        return [S::ZERO; 3];
+    }
+    scaled(S::ONE / length, across(unit, unit_bar))
+}
+
 /// The largest size of an entry. A NaN may count or not.
 #[inline(always)]
 pub(crate) fn largest<S: Scalar>(a: Vector3<S>) -> S {

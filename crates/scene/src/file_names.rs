@@ -1,6 +1,7 @@
-//! Which names are those of files, on this system and on others.
+//! Names of files, and which names are those of files on this system and on others.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Characters that no file's name has on Windows.
 const FORBIDDEN: [char; 7] = ['<', '>', ':', '"', '|', '?', '*'];
@@ -8,6 +9,11 @@ const FORBIDDEN: [char; 7] = ['<', '>', ':', '"', '|', '?', '*'];
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 /// Likewise, with a digit.
 const NUMBERED: [&str; 2] = ["com", "lpt"];
+
+/// A path's last part without its ending.
+pub(crate) fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
 
 /// Whether a file of a folder can have this name.
 pub(crate) fn is_file_name(name: &str) -> bool {

@@ -42,6 +42,19 @@ const ENDS: [&str; 8] = [
     "-ids.png",
 ];
 
+impl Renderer {
+    /// A view of the scene as it was given, smaller `reduce` times along each axis: `[H, W, 3]`, as pixels stand for it.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn picture(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
+        let tape = Tape::new();
+        let values = Values { tape: &tape, learnt: None };
+        let drawn = self.draw(&values, view, reduce, false)?;
+        Ok(self.image(&values, &drawn, reduce)?.value())
+    }
+}
+
 impl Scene {
     /// The names of the files of these views, to be checked before they are rendered.
     pub fn rendered_names(&self, views: &[usize]) -> Vec<PathBuf> {
@@ -59,12 +72,7 @@ impl Scene {
         reduce: usize,
     ) -> Result<impl Iterator<Item = Result<Tensor<f32>, SceneError>> + use<>, SceneError> {
         let renderer = Renderer::new(Arc::new(self.clone()))?;
-        Ok((0..self.views.len()).map(move |view| {
-            let tape = Tape::new();
-            let values = Values { tape: &tape, learnt: None };
-            let drawn = renderer.draw(&values, view, reduce, false)?;
-            Ok(renderer.image(&values, &drawn, reduce)?.value())
-        }))
+        Ok((0..self.views.len()).map(move |view| renderer.picture(view, reduce)))
     }
 
     /// Renders these views, by their numbers, one after the other.

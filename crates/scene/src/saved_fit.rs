@@ -3,7 +3,7 @@
 use bokashi_fit::{Difference, FitError, Given, described, differences, saved};
 use serde::{Deserialize, Serialize};
 
-use crate::stopping::Seen;
+use crate::stopping::StopState;
 
 /// The version of what follows.
 const VERSION: u64 = 3;
@@ -14,7 +14,8 @@ const VERSION: u64 = 3;
 pub(crate) struct Progress {
     /// How many steps each of the stages did that are done.
     pub(crate) done: Vec<u64>,
-    pub(crate) seen: Seen,
+    #[serde(rename = "seen")]
+    pub(crate) rules: StopState,
     /// How many steps were done when meshes got other vertices last.
     pub(crate) remeshed: Option<u64>,
 }
@@ -219,9 +220,9 @@ mod tests {
 
     #[test]
     fn whatever_a_state_is_it_is_a_fits_or_refused() {
-        let mut rules = StopRules::new(&StopEntry::default(), Seen::default());
+        let mut rules = StopRules::new(&StopEntry::default(), StopState::default());
         rules.count(0.1 + 0.2);
-        let progress = Progress { done: vec![2, 0, 5], seen: rules.seen(), remeshed: Some(7) };
+        let progress = Progress { done: vec![2, 0, 5], rules: rules.state(), remeshed: Some(7) };
         let rows = vec![[0.1, -0.0, f32::INFINITY]; 2];
         let faces = vec![[0, 1, u32::MAX]];
         let object = "vase".to_owned();

@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::description::{HeldOutEntry, StopEntry};
 
-/// What the rules of `[stop]` have seen of a fit: it is saved with the fit, which so ends where it would have
+/// What the rules of `[stop]` know of a fit: it is saved with the fit, which so ends where it would have
 /// ended without an interruption.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Seen {
+pub(crate) struct StopState {
     /// The loss of the last step.
     last_loss: Option<f64>,
     /// The least loss of the stage.
@@ -43,10 +43,11 @@ pub(crate) struct StopRules {
 
 impl StopRules {
     /// The rules of a fit that starts, or goes on, now.
-    pub(crate) fn new(stop: &StopEntry, seen: Seen) -> Self {
+    pub(crate) fn new(stop: &StopEntry, state: StopState) -> Self {
         let below = stop.loss_below.map(|loss| loss.0);
         let patience = stop.patience.map(|patience| patience.0 as u64);
-        let Seen { last_loss, least_loss, waited, best_psnr, measures_waited, seconds } = seen;
+        let StopState { last_loss, least_loss, waited, best_psnr, measures_waited, seconds } =
+            state;
         Self {
             rules: LossRules { below, patience },
             losses: Losses { last: last_loss, least: least_loss, waited },
@@ -59,12 +60,19 @@ impl StopRules {
         }
     }
 
-    /// What there is to save.
-    pub(crate) fn seen(&self) -> Seen {
+    /// What is saved of them.
+    pub(crate) fn state(&self) -> StopState {
         let Losses { last, least, waited } = self.losses;
         let seconds = self.seconds.map_or(0.0, |_| self.elapsed());
         let Self { best_psnr, measures_waited, .. } = *self;
-        Seen { last_loss: last, least_loss: least, waited, best_psnr, measures_waited, seconds }
+        StopState {
+            last_loss: last,
+            least_loss: least,
+            waited,
+            best_psnr,
+            measures_waited,
+            seconds,
+        }
     }
 
     /// Of all runs.
@@ -140,10 +148,10 @@ mod tests {
     /// How many of these losses are counted until the rules end the fit, which is saved and resumed after
     /// each so many steps.
     fn counted(stop: &StopEntry, losses: &[f64], between: usize) -> usize {
-        let mut rules = StopRules::new(stop, Seen::default());
+        let mut rules = StopRules::new(stop, StopState::default());
         let end = losses.iter().enumerate().position(|(step, &loss)| {
             if step % between == between - 1 {
-                let text = serde_json::to_string(&rules.seen()).unwrap();
+                let text = serde_json::to_string(&rules.state()).unwrap();
                 rules = StopRules::new(stop, serde_json::from_str(&text).unwrap());
             }
             rules.count(loss);
@@ -172,20 +180,20 @@ mod tests {
     #[test]
     fn seconds_of_all_runs_count_where_they_are_limited() {
         let stop = |seconds| StopEntry { seconds: Some(Positive(seconds)), ..StopEntry::default() };
-        assert!(StopRules::new(&stop(1e-12), Seen::default()).is_time_up());
-        let earlier = Seen { seconds: 60.0, ..Seen::default() };
+        assert!(StopRules::new(&stop(1e-12), StopState::default()).is_time_up());
+        let earlier = StopState { seconds: 60.0, ..StopState::default() };
         assert!(StopRules::new(&stop(60.0), earlier).is_time_up());
         let later = StopRules::new(&stop(1e6), earlier);
         assert!(!later.is_time_up());
-        assert!(later.seen().seconds >= 60.0);
+        assert!(later.state().seconds >= 60.0);
         // Files of fits without a limit do not know the time.
-        assert_eq!(StopRules::new(&StopEntry::default(), earlier).seen(), Seen::default());
+        assert_eq!(StopRules::new(&StopEntry::default(), earlier).state(), StopState::default());
     }
 
     #[test]
     fn a_stage_counts_from_its_own_losses() {
         let stop = StopEntry { patience: Some(Count(2)), ..StopEntry::default() };
-        let mut rules = StopRules::new(&stop, Seen::default());
+        let mut rules = StopRules::new(&stop, StopState::default());
         [1.0, 1.0].into_iter().for_each(|loss| rules.count(loss));
         rules.begin_stage();
         [5.0, 4.0, 4.0].into_iter().for_each(|loss| rules.count(loss));
@@ -208,10 +216,10 @@ mod tests {
                 gain: (gain > 0.0).then_some(NotNegative(gain)),
             };
             let stop = StopEntry { held_out: Some(rule), ..StopEntry::default() };
-            let mut rules = StopRules::new(&stop, Seen::default());
+            let mut rules = StopRules::new(&stop, StopState::default());
             assert!(rules.measures_after(20) && !rules.measures_after(21));
             measures.iter().position(|&psnr| {
-                let text = serde_json::to_string(&rules.seen()).unwrap();
+                let text = serde_json::to_string(&rules.state()).unwrap();
                 rules = StopRules::new(&stop, serde_json::from_str(&text).unwrap());
                 rules.measure(psnr);
                 let words = "held-out views became no better in ";
@@ -223,7 +231,7 @@ mod tests {
         // The same again is no better; and a gain is over the best before, not over the last.
         assert_eq!((end(1, 0.0), end(2, 0.0), end(3, 0.0)), (Some(4), Some(7), None));
         assert_eq!((end(1, 0.45), end(2, 0.45), end(3, 0.45)), (Some(2), Some(5), Some(6)));
-        let mut none = StopRules::new(&StopEntry::default(), Seen::default());
+        let mut none = StopRules::new(&StopEntry::default(), StopState::default());
         assert!(!none.measures_after(0));
         [1.0; 9].into_iter().for_each(|psnr| none.measure(psnr));
         assert_eq!(none.stop(), None);
@@ -233,7 +241,7 @@ mod tests {
     fn a_stage_measures_from_its_own_pictures() {
         let rule = HeldOutEntry { every: Count(1), patience: Count(1), gain: None };
         let stop = StopEntry { held_out: Some(rule), ..StopEntry::default() };
-        let mut rules = StopRules::new(&stop, Seen::default());
+        let mut rules = StopRules::new(&stop, StopState::default());
         [30.0, 30.0].into_iter().for_each(|psnr| rules.measure(psnr));
         assert!(rules.stop().is_some());
         rules.begin_stage();

@@ -1,6 +1,7 @@
 //! Numbers, sizes and tensors from bytes, aimed at trouble.
 
 use arbitrary::{Result, Unstructured};
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_core::{Scalar, Tensor};
 
 /// The bytes of an input: with an odd first byte, followed by 4 kB that are drawn from the next
@@ -19,10 +20,8 @@ fn expanded(bytes: &[u8]) -> Vec<u8> {
         // SplitMix64: any generator would do.
         let mut state = u64::from(u32::from_le_bytes(*seed));
         for _ in 0..DRAWN {
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            all.extend((mixed ^ (mixed >> 31)).to_le_bytes());
+            state = state.wrapping_add(GOLDEN);
+            all.extend(mixed(state).to_le_bytes());
         }
     }
     all

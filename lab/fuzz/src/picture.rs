@@ -12,7 +12,7 @@ use super::mesh::{check_pieces, faces, sampling, size};
 use super::number::{Range, bits, in_either_precision};
 use super::step::check;
 
-/// Runs the picture that `bytes` stand for; returns the number of its pixels, the rim included.
+/// Runs the picture that `bytes` stand for; returns the number of its pixels, blended ones included.
 pub fn pictures(bytes: &[u8]) -> usize {
     in_either_precision(bytes, run::<f32>, run::<f64>)
 }

@@ -10,28 +10,14 @@ use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
-use crate::summation::sum;
+use crate::summation::inner_product;
 use crate::var::Var;
 use crate::vectors::{Pairs, Vectors, common_shape, for_each_vector};
 use crate::walk::axes;
 
-/// From so many terms on a sum is formed in several parts side by side.
-const LONG: usize = 8;
-
 const NAME: &str = "dot";
 
 struct Dot;
-
-#[inline(always)]
-fn inner_product<T: Scalar>(x: &[T], y: &[T]) -> T::Wide {
-    let y = &y[..x.len()];
-    let term = |k: usize| x[k].widen() * y[k].widen();
-    if x.len() < LONG {
-        (0..x.len()).fold(T::Wide::ZERO, |total, k| total + term(k))
-    } else {
-        sum::<T>(x.len(), term)
-    }
-}
 
 impl<T: Scalar> Op<T> for Dot {
     type Saved = ();

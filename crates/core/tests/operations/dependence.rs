@@ -2,15 +2,15 @@ use bokashi_core::{
     Accumulators, Dependence, Inputs, Kept, Op, Outputs, Tape, Tensor, TensorError,
 };
 
-/// `image`, whatever `rim` is, as an operation gives it where nothing is to be done.
-struct Rims;
+/// `image`, whatever `share` is, as an operation gives it where nothing is to be done.
+struct Blends;
 
-impl Op<f64> for Rims {
+impl Op<f64> for Blends {
     type Saved = ();
     type Error = TensorError;
 
     fn name(&self) -> &'static str {
-        "rims"
+        "blends"
     }
     fn forward(
         &self,
@@ -18,7 +18,7 @@ impl Op<f64> for Rims {
         outputs: &mut Outputs<'_, f64>,
         _saved: &mut (),
     ) -> Result<(), TensorError> {
-        outputs.pass(0, "there is no rim");
+        outputs.pass(0, "no pixel is blended");
         Ok(())
     }
     fn backward(&self, _: &Kept<'_, f64>, _saved: &mut (), _: &mut Accumulators<'_, f64>) {}
@@ -66,15 +66,15 @@ fn a_way_that_ends_is_named_by_its_last_operation() {
 fn an_operation_that_was_the_identity_in_this_step_is_a_way_that_rests() {
     let mut tape = Tape::new();
     for _ in 0..2 {
-        let [image, rim] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
-        let loss = tape.apply(Rims, &[image, rim.exp()]).unwrap().square();
+        let [image, share] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
+        let loss = tape.apply(Blends, &[image, share.exp()]).unwrap().square();
         assert_eq!(loss.dependence_on(image), Ok(Dependence::Recorded));
-        assert_eq!(loss.dependence_on(rim), Ok(Dependence::Idle { operation: "rims" }));
+        assert_eq!(loss.dependence_on(share), Ok(Dependence::Idle { operation: "blends" }));
         // Its mark goes with the step.
         tape.reset();
-        let [image, rim] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
-        let (loss, _) = (image.square(), rim.exp());
-        assert_eq!(loss.dependence_on(rim), Ok(none(Some("exp"), false)));
+        let [image, share] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
+        let (loss, _) = (image.square(), share.exp());
+        assert_eq!(loss.dependence_on(share), Ok(none(Some("exp"), false)));
         tape.reset();
     }
 }

@@ -1,5 +1,4 @@
-//! What can be wrong with a step, and where it began: a loss that is not finite, a parameter that no
-//! gradient reaches.
+//! Diagnosis of a step that fails: a loss that is not finite, or a parameter that no gradient can reach.
 
 use bokashi_core::{Dependence, Gradients, Scalar, Tape, TensorError, Var};
 
@@ -7,8 +6,8 @@ use crate::error::{FitError, Origin, Quantity};
 use crate::parameter::{Parameters, Variables};
 use crate::pipeline::Pipeline;
 
-/// Records the loss and checks that it is a finite scalar; blames a parameter's value where that
-/// is at fault.
+/// Records the loss and checks that it is a finite scalar. If a parameter's value is not finite, the error
+/// names the parameter.
 pub(super) fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
     pipeline: &mut P,
     tape: &'t Tape<T>,
@@ -36,8 +35,8 @@ pub(super) fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
     Ok(loss)
 }
 
-/// Checks that every parameter that is fitted has a way to the loss, even a way that rests in this
-/// step. Where no way was recorded, no later step of the same pipeline has a way either.
+/// Checks that the loss depends on every fitted parameter. A dependence without a gradient in this step
+/// counts. Without one, no later step of the same pipeline has a gradient either.
 pub(super) fn check_ways<'t, T: Scalar>(
     parameters: &Parameters<T>,
     variables: &Variables<'t, T>,
@@ -56,7 +55,7 @@ pub(super) fn check_ways<'t, T: Scalar>(
     Ok(())
 }
 
-/// The error, and where the gradients of `loss` were infinite or NaN first if it is about one.
+/// The error, with the first place where gradients of `loss` are infinite or NaN if it is about a gradient.
 pub(super) fn with_origin<T: Scalar>(error: FitError, loss: Var<'_, T>) -> FitError {
     match error {
         FitError::NotFinite { quantity: quantity @ Quantity::Gradient(_), value, step, .. } => {

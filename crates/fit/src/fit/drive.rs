@@ -1,4 +1,4 @@
-//! The loop of every fit: steps until a rule says stop, and listeners that see how it goes.
+//! The loop of every fit: steps until a rule stops it, and listeners that follow it.
 //!
 //! # The order of calls
 //! ```text
@@ -9,13 +9,13 @@
 //!   |                      +------------> end <----------------+                                     |
 //!   +------------------------------------------------------------------------------------------------+
 //! ```
-//! Rules of [`Rules`] act before a step, and nothing is computed that they spare. What steps may have rules of
-//! its own ([`Steps::stop`], and those of [`FitSettings`](super::FitSettings), which act before the update).
+//! [`Rules`] act before a step, so that nothing is computed in vain. A fit may have rules of its own:
+//! [`Steps::stop`], and those of [`FitSettings`](super::FitSettings), which act before the update.
 //!
 //! # Ranks
-//! All ranks of a job drive the same fit with the same rules. What only one of them knows is agreed on before
-//! each step: the clock of the first decides on time, and a signal to any rank, an error of a listener on any
-//! rank, and a wish of the first one's listeners end the loop on all of them.
+//! All ranks of a job drive the same fit with the same rules, and agree before each step whether to go on. The
+//! clock of the first rank decides on time. Three events end the loop on all ranks: a signal to any rank,
+//! an error of a listener on any rank, and a break of a listener on the first rank.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -28,44 +28,44 @@ use crate::error::FitError;
 use crate::parameter::Parameters;
 use crate::stopping::Stop;
 
-/// What sees the state of a step before its update, and may say why there is none.
+/// A function that is called with the state of a step before its update. It may break with a reason to stop.
 pub type Observer<'a, T, M> = dyn FnMut(&StepState<'_, T, M>) -> ControlFlow<Stop> + 'a;
 
-/// What a listener answers: whether the fit goes on.
+/// The answer of a listener: whether the fit goes on, or an error.
 pub type Answer<E> = Result<ControlFlow<()>, E>;
 
-/// What is fitted step by step: see [`drive`].
+/// A fit that goes step by step: see [`drive`].
 pub trait Steps {
     /// The numbers of the parameters.
     type Number: Scalar;
     /// The errors of the parameters against the truth.
     type Measure;
-    /// What can go wrong.
+    /// The errors of steps and listeners.
     type Error: From<FitError> + ToString;
 
-    /// How many updates are done.
+    /// The number of updates done.
     fn steps_done(&self) -> u64;
 
     /// The parameters.
     fn parameters(&self) -> &Parameters<Self::Number>;
 
-    /// Does a step: prepares it, computes its loss, shows its state to `observer`, and updates the parameters
-    /// unless the observer breaks or a rule of the fit's own stops it. What shares its steps among ranks may
-    /// leave the observer out.
+    /// Does a step: prepares it, computes its loss, calls `observer`, and updates the parameters unless the
+    /// observer breaks or a rule of the fit stops it. A fit that shares its steps among ranks may leave the
+    /// observer out.
     ///
     /// # Errors
-    /// Whatever is wrong with the step. Parameters are then as they were.
+    /// Those of the step. Parameters are then as they were.
     fn step(
         &mut self,
         observer: &mut Observer<'_, Self::Number, Self::Measure>,
     ) -> Result<ControlFlow<Stop, Stepped>, Self::Error>;
 
-    /// Why there is no further step, by what was done: the same on all ranks.
+    /// The reason why there is no further step, the same on all ranks; `None` if there is one.
     fn stop(&self) -> Option<Stop> {
         None
     }
 
-    /// Whether the time is up that the fit itself may take. Of several ranks the first decides.
+    /// Whether the fit has taken the time that its own rules allow. The first rank decides.
     fn is_time_up(&self) -> bool {
         false
     }
@@ -76,12 +76,11 @@ pub trait Steps {
     }
 }
 
-/// Who is told how a fit goes.
+/// A listener, which [`drive`] calls as a fit `S` goes on.
 ///
-/// `S` is what steps; most listeners are listeners of any. Of several ranks the first calls its listeners, and
-/// the others those that are shared.
+/// The first rank calls all its listeners, and other ranks those that are shared.
 pub trait Listener<S: Steps> {
-    /// Whether all ranks call it: for what they do together. Its answers are then the same on all of them.
+    /// Whether all ranks call the listener. Its answers must then be the same on all ranks.
     fn is_shared(&self) -> bool {
         false
     }
@@ -95,7 +94,8 @@ pub trait Listener<S: Steps> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Called in each step that shows its state, before the update. A break stops the fit without it.
+    /// Called in each step before the update, if the step calls its observer. A break stops the fit without the
+    /// update.
     ///
     /// # Errors
     /// They end the fit.
@@ -123,21 +123,21 @@ pub trait Listener<S: Steps> {
     }
 }
 
-/// When a fit stops, beside the rules of its own.
+/// Rules that stop a fit, beside its own.
 #[derive(Clone, Copy, Default)]
 pub struct Rules<'a> {
-    /// The most updates, those before included. The state after the last one is not looked at any more.
+    /// The most updates, counted from the start of the fit. No listener sees the state after the last one.
     pub steps: Option<u64>,
-    /// The most seconds of this run. Of several ranks the clock of the first counts.
+    /// The most seconds of this run, by the clock of the first rank.
     pub seconds: Option<f64>,
-    /// Asked before each step for the number of a signal that wants the fit to stop.
+    /// A function that is called before each step. It returns the number of a signal that stops the fit.
     pub interrupt: Option<&'a dyn Fn() -> Option<i32>>,
 }
 
-/// Steps until a rule or a listener says stop.
+/// Does steps until a rule or a listener stops the fit.
 ///
 /// # Errors
-/// Those of steps and listeners: of several ranks, an error of one is an error of all.
+/// Those of steps and listeners. An error on one rank is an error on all.
 pub fn drive<S: Steps>(
     fit: &mut S,
     rules: &Rules<'_>,
@@ -179,7 +179,7 @@ pub fn drive<S: Steps>(
     agreed(fit.ranks(), ended).map(|()| stop)
 }
 
-/// What `ask` gets from all listeners, each of which is asked though another wants to stop.
+/// Calls `ask` with all listeners, even after one of them breaks. Returns whether the fit goes on.
 fn ask_all<S: Steps, L: Listener<S> + ?Sized, E>(
     listeners: &mut [&mut &mut L],
     mut ask: impl FnMut(&mut L) -> Answer<E>,
@@ -193,7 +193,7 @@ fn ask_all<S: Steps, L: Listener<S> + ?Sized, E>(
     Ok(flow)
 }
 
-/// Why the fit stops before its next step, by what a rank alone knows. All ranks are told the same.
+/// Agrees among ranks on a reason to stop that only one of them may know.
 fn agreed_call<T, E: From<FitError> + ToString>(
     ranks: &dyn Communicator<T>,
     rules: &Rules<'_>,

@@ -1,4 +1,4 @@
-//! Listeners of any fit: its history, and functions.
+//! Listeners for any fit: a history, and functions.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,7 @@ use super::step::{StepState, Stepped};
 use crate::history::{History, Vanished};
 use crate::stopping::Stop;
 
-/// On each rank, which all return it.
+/// A history is recorded on each rank.
 impl<S: Steps<Measure: Clone>> Listener<S> for History<S::Measure> {
     fn is_shared(&self) -> bool {
         true
@@ -45,7 +45,7 @@ impl<S: Steps<Measure: Clone>> Listener<S> for History<S::Measure> {
 pub struct Every<F> {
     steps: u64,
     function: F,
-    /// The steps that were done at the last call.
+    /// The number of steps done at the last call.
     called: Option<u64>,
 }
 
@@ -57,9 +57,9 @@ pub struct BeforeUpdate<F>(F);
 #[derive(Debug, Clone, Copy)]
 pub struct AfterStep<F>(F);
 
-/// A listener that calls `function` before the first step, after each `steps` of the fit (1 or more) and at the end,
-/// on all ranks; not at an end by a signal, which does not wait. A fit that goes on from a file is called with its
-/// next multiple first.
+/// A listener that calls `function` before the first step, after each `steps` steps (1 or more), and at the end. All
+/// ranks call it. After a signal there is no call at the end. In a resumed fit the first call is at the next
+/// multiple of `steps`.
 pub fn every<S, F>(steps: u64, function: F) -> Every<F>
 where
     S: Steps,

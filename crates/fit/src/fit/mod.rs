@@ -1,8 +1,8 @@
 //! A fit: the parameters, the state of the optimizer, and the steps between them.
 //!
-//! A step prepares the pipeline, records its loss, and, unless a rule says stop, runs backward and
-//! updates the parameters. What a history holds of a step is its state before the update, so its
-//! first entry is where the fit started and its last is where it ended, of which no update followed.
+//! A step prepares the pipeline and records its loss. Unless a rule stops the fit, it then runs backward and
+//! updates the parameters. A history has the state of each step before its update. So its first entry is the
+//! start of the fit, and its last entry the end, which no update follows.
 
 mod diagnosis;
 mod drive;
@@ -42,19 +42,19 @@ pub struct Fit<T: Scalar> {
     parameters: Parameters<T>,
     settings: FitSettings,
     step: u64,
-    /// The losses of a run that is not at its end.
+    /// The losses of the present run, until it ends.
     losses: Losses,
-    /// Whether every parameter is known to have a way to the loss.
+    /// Whether the loss is known to depend on every parameter.
     is_checked: bool,
     /// The pipeline's state before the preparation of the step.
     #[cfg(feature = "save")]
     pipeline: PipelineState,
-    /// What it took to recycle the last step's memory: part of the step that uses it.
+    /// Milliseconds to recycle the last step's memory, counted to the next step.
     reset_ms: f64,
 }
 
 impl<T: Scalar> Fit<T> {
-    /// A fit that starts from `parameters`.
+    /// Makes a fit that starts from `parameters`.
     ///
     /// # Errors
     /// [`FitError::Setting`] for settings outside their range.
@@ -73,7 +73,7 @@ impl<T: Scalar> Fit<T> {
         })
     }
 
-    /// The fit of `parameters` that `loop_state` was saved of.
+    /// The fit of `parameters` with the saved `loop_state`.
     #[cfg(feature = "save")]
     pub(crate) fn restored(
         parameters: Parameters<T>,
@@ -90,7 +90,7 @@ impl<T: Scalar> Fit<T> {
         Ok(Self { step, losses, is_checked: true, pipeline, ..Self::new(parameters, settings)? })
     }
 
-    /// What the fit is besides its parameters.
+    /// The state of the fit besides its parameters.
     #[cfg(feature = "save")]
     pub(crate) fn loop_state(&self) -> LoopState<'_> {
         let Self { settings, step, losses, pipeline, .. } = self;
@@ -102,8 +102,8 @@ impl<T: Scalar> Fit<T> {
         &self.settings
     }
 
-    /// Goes on with other settings. Steps, those of the schedule too, count from the start of the fit: a
-    /// cosine over 400 steps continues at step 200 with half of the rates, however short the last one was.
+    /// Goes on with other settings. All steps count from the start of the fit, those of the schedule too: after
+    /// 200 steps, a cosine over 400 steps begins with half of the rates.
     ///
     /// # Errors
     /// [`FitError::Setting`] for settings outside their range.
@@ -113,8 +113,8 @@ impl<T: Scalar> Fit<T> {
         Ok(())
     }
 
-    /// Keeps the state of `pipeline` as it is now for whoever saves the fit before its next step. A step
-    /// keeps it by itself; this is for what changes between steps, and for a fit without any.
+    /// Keeps the present state of `pipeline`, to be saved with the fit before its next step. Each step does so;
+    /// call this after changes between steps, and before the first step.
     #[cfg(feature = "save")]
     pub fn keep_state(&mut self, pipeline: &impl Pipeline<T>) {
         self.pipeline.save(pipeline);
@@ -125,34 +125,34 @@ impl<T: Scalar> Fit<T> {
         &self.parameters
     }
 
-    /// The parameters, to be changed between steps.
+    /// The parameters, which may be changed between steps.
     pub fn parameters_mut(&mut self) -> &mut Parameters<T> {
         &mut self.parameters
     }
 
-    /// The parameters, the fit given up.
+    /// The parameters; the fit ends.
     pub fn into_parameters(self) -> Parameters<T> {
         self.parameters
     }
 
-    /// The tape, to time its operations and to take its report.
+    /// The tape, for its timings and its report.
     pub fn tape(&self) -> &Tape<T> {
         &self.tape
     }
 
-    /// How many updates are done.
+    /// The number of updates done.
     pub fn steps_done(&self) -> u64 {
         self.step
     }
 
-    /// Does one step, whatever the rules to stop say.
+    /// Does one step, without regard to rules that stop the fit.
     ///
     /// # Errors
-    /// - What the pipeline refuses.
-    /// - [`FitError::NotFinite`] where the loss or a gradient is infinite or NaN. Where a parameter's
-    ///   value is at fault, the error names that value.
-    /// - [`FitError::NoWay`] in the first step, where a parameter that is neither frozen nor optional
-    ///   has no way to the loss.
+    /// - Those of the pipeline.
+    /// - [`FitError::NotFinite`] where the loss or a gradient is infinite or NaN. If the value of a parameter is
+    ///   so, the error names it.
+    /// - [`FitError::NoWay`] in the first step, where the loss does not depend on a parameter that is neither
+    ///   frozen nor optional.
     ///
     /// Parameters and moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
@@ -168,7 +168,7 @@ impl<T: Scalar> Fit<T> {
         }
     }
 
-    /// Steps until a rule of the settings says stop.
+    /// Does steps until a rule of the settings stops the fit.
     ///
     /// # Errors
     /// As [`Fit::step`].
@@ -181,9 +181,9 @@ impl<T: Scalar> Fit<T> {
         Ok(history)
     }
 
-    /// Steps until a rule of the settings, one of `rules` or a listener says stop: see [`drive`]. Listeners see
-    /// every state before its update, and the final one where a rule of the settings stops there. A drive after
-    /// one that a listener stopped goes on with it; it shows the state that it was stopped in again.
+    /// Does steps until a rule of the settings, one of `rules` or a listener stops the fit: see [`drive`]. Listeners
+    /// see every state before its update, and the final state where a rule of the settings stops the fit. After a
+    /// listener stopped a drive, the next drive shows the same state again and goes on.
     ///
     /// ```
     /// use bokashi_core::Tensor;
@@ -217,7 +217,7 @@ impl<T: Scalar> Fit<T> {
         drive(&mut fitting, rules, listeners)
     }
 
-    /// Prepares the next step; returns the milliseconds it took.
+    /// Prepares the next step. Returns the milliseconds taken.
     fn prepare<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<f64, FitError> {
         // Here and not at the end: whatever ended the last step, its values are let go, the target
         // image among them.
@@ -236,7 +236,7 @@ impl<T: Scalar> Fit<T> {
         Ok(milliseconds_since(start))
     }
 
-    /// Does the rest of a step; `observe` is asked before the update, and is not timed.
+    /// Does the rest of a step. `observe` is called before the update, and is not timed.
     fn advance<P: Pipeline<T>>(
         &mut self,
         pipeline: &mut P,
@@ -273,13 +273,13 @@ impl<T: Scalar> Fit<T> {
     }
 }
 
-/// A fit with its pipeline, as [`Fit::drive`] steps it.
+/// A fit and its pipeline, which [`Fit::drive`] steps.
 #[derive(Debug)]
 pub struct Fitting<'a, T: Scalar, P> {
     fit: &'a mut Fit<T>,
     pipeline: &'a mut P,
     start: Instant,
-    /// Of the last update.
+    /// Milliseconds of the last update.
     ms: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What a fit is besides its parameters: what it takes to save it.
+//! The state of a fit besides its parameters, which a saved fit has.
 
 use bokashi_core::Scalar;
 
@@ -6,24 +6,24 @@ use super::settings::FitSettings;
 use crate::pipeline::Pipeline;
 use crate::stopping::Losses;
 
-/// What a fit is besides its parameters.
+/// The state of a fit besides its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LoopState<'a> {
     pub(crate) settings: FitSettings,
-    /// How many updates are done.
+    /// The number of updates done.
     pub(crate) step: u64,
-    /// The losses of the run before this step.
+    /// The losses of the present run before this step.
     pub(crate) losses: Losses,
-    /// The pipeline's state before the preparation of the step; `None` before the first.
+    /// The pipeline's state before the preparation of the step; `None` before the first step.
     pub(crate) pipeline: Option<&'a [u8]>,
 }
 
-/// A pipeline's state, as it saved it last.
+/// The last state that a pipeline saved.
 #[derive(Debug, Default)]
 pub(super) struct PipelineState {
     pub(super) bytes: Vec<u8>,
     pub(super) is_known: bool,
-    /// Whether it is a resumed fit's, and the pipeline has still to take it back.
+    /// Whether the pipeline of a resumed fit has yet to restore it.
     pub(super) is_due: bool,
 }
 

@@ -1,11 +1,11 @@
-//! What is seen of a step: before its update, and after it.
+//! The states of a step before its update and after it.
 
 #[cfg(feature = "save")]
 use super::state::LoopState;
 use crate::history::Step;
 use crate::parameter::Parameters;
 
-/// What a listener sees of a step, before its update.
+/// The state of a step before its update, for listeners.
 #[derive(Debug)]
 pub struct StepState<'a, T, M> {
     /// Step, seconds, loss and errors.
@@ -16,13 +16,13 @@ pub struct StepState<'a, T, M> {
     pub ms: f64,
     /// Milliseconds of this step's preparation.
     pub preparation_ms: f64,
-    /// What else there is to save; only a [`Fit`](super::Fit) has it.
+    /// The state that a saved fit needs beside; only a [`Fit`](super::Fit) has one.
     #[cfg(feature = "save")]
     pub(crate) loop_state: Option<LoopState<'a>>,
 }
 
 impl<'a, T, M> StepState<'a, T, M> {
-    /// The state of `step` with these parameters, of what is no [`Fit`](super::Fit): it cannot be saved.
+    /// The state of `step` with these parameters, for [`Steps`](super::Steps) other than a fit. It cannot be saved.
     pub fn new(
         step: &'a Step<M>,
         parameters: &'a Parameters<T>,
@@ -40,10 +40,10 @@ impl<'a, T, M> StepState<'a, T, M> {
     }
 }
 
-/// A step that was done.
+/// The result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepped {
-    /// How many updates came before.
+    /// The number of updates before the step.
     pub step: u64,
     /// The loss before the update.
     pub loss: f64,
@@ -51,7 +51,7 @@ pub struct Stepped {
     pub ms: f64,
     /// Milliseconds of the preparation.
     pub preparation_ms: f64,
-    /// How many entries of all parameters the update left as they were though it was not zero; by
-    /// parameter: [`Parameter::vanished`](crate::Parameter::vanished).
+    /// The number of entries, of all parameters, whose update was not zero and yet changed nothing. For one
+    /// parameter see [`Parameter::vanished`](crate::Parameter::vanished).
     pub vanished: usize,
 }

@@ -25,16 +25,16 @@ use bokashi_core::{
 
 use crate::sign::sign;
 
-/// What may differ between depths and their reference without being an error.
+/// How depths are aligned with their reference before they are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum DepthAlignment {
-    /// Nothing: both are distances in one unit.
+    /// No alignment: both are distances in one unit.
     #[default]
     None,
-    /// A factor, as between reconstructions of unknown scale.
+    /// By a factor, as between reconstructions of unknown scale.
     Scale,
-    /// A factor and an offset, as in what networks say of one image.
+    /// By a factor and an offset, as for depths that a network estimates from one image.
     ScaleAndShift,
 }
 
@@ -49,7 +49,7 @@ struct DepthError {
 struct Fitted<S> {
     /// s.
     scale: S,
-    /// What d and r are taken from.
+    /// The means of d and r, or 0 without a shift.
     means: [S; 2],
     /// `sum d'^2`; 0 where the scale has no gradient.
     square: S,
@@ -58,7 +58,7 @@ struct Fitted<S> {
 }
 
 impl DepthError {
-    /// Whether pixel k counts: both see something there.
+    /// Whether pixel k counts: both have a depth there.
     #[inline(always)]
     fn counts<T: Scalar>(&self, d: &[T], r: &[T], k: usize) -> bool {
         let is_shown = self.mask.as_ref().is_none_or(|mask| mask.data()[k]);
@@ -176,14 +176,14 @@ impl<T: Scalar> Op<T> for DepthError {
 }
 
 /// The mean absolute error of `depths` against `reference`, distances of any one shape, over the pixels
-/// where both see something; returns `[]`.
+/// where both have a depth; returns `[]`.
 ///
-/// A pixel counts where both are above 0 and finite, and where `mask`, of the same shape, shows it.
-/// Backgrounds at infinity and holes marked by 0 so stay out, and so do NaN in the reference. A NaN among
-/// the depths is passed on. The error is 0 where no pixel counts.
+/// A pixel counts where both are above 0 and finite, and where `mask`, of the same shape, is true. So
+/// backgrounds at infinity, holes marked by 0, and NaN in the reference do not count. A NaN among the depths is
+/// passed on. The error is 0 where no pixel counts.
 ///
-/// With an [alignment](DepthAlignment) the depths are first brought as close to the reference as a
-/// factor, and an offset, can bring them in the least-squares sense.
+/// With an [alignment](DepthAlignment) a factor, and perhaps an offset, first bring the depths as close to the
+/// reference as they can, in the least-squares sense.
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] unless all have the same shape.

@@ -92,8 +92,8 @@ impl<T: Scalar> Op<T> for Halved {
     }
 }
 
-/// `image: [H, W, C]` at half the size, `[ceil(H / 2), ceil(W / 2), C]`: each pixel is the mean of two by
-/// two. At an odd end it is the mean of those that there are.
+/// Halves the size of `image: [H, W, C]` to `[ceil(H / 2), ceil(W / 2), C]`. Each pixel is the mean of two by
+/// two pixels, or of fewer at an odd end.
 ///
 /// # Errors
 /// [`TensorError::Shape`] unless the image is `[H, W, C]`.

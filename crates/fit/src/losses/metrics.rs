@@ -1,4 +1,4 @@
-//! How alike images and masks are: numbers for people, without a gradient.
+//! Measures of how alike images and masks are, without a gradient.
 
 use bokashi_core::{Mask, Scalar, Tape, Tensor, TensorError, mean_squared_error};
 

@@ -1,10 +1,10 @@
-//! Losses of images, masks and depths, and what measures them without a gradient.
+//! Losses of images, masks and depths, and measures without a gradient.
 //!
 //! | file | losses |
 //! |---|---|
 //! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, by weights or a mask too |
 //! | `entrywise` | functions of one number, entry by entry |
-//! | `pair` | what two images have in common that are compared |
+//! | `pair` | checks of two images that are compared |
 //! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
 //! | `silhouette` | intersection over union of soft masks |
 //! | `depth` | absolute errors of depths, up to scale and shift |

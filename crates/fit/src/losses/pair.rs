@@ -1,9 +1,9 @@
-//! What two images have in common that are compared. It is checked before anything is recorded, so a call that
-//! is refused leaves the tape as it was.
+//! Checks of two images that are compared. They come before anything is recorded, so a call that is refused
+//! leaves the tape as it was.
 
 use bokashi_core::{Scalar, TensorError, Var};
 
-/// Checks that two variables are of one tape.
+/// Checks that two variables belong to one tape.
 pub(crate) fn check_tapes<T: Scalar>(
     operation: &'static str,
     [one, other]: [Var<'_, T>; 2],
@@ -14,7 +14,7 @@ pub(crate) fn check_tapes<T: Scalar>(
     }
 }
 
-/// Checks that two variables are of one tape and of one shape, as `rule` says.
+/// Checks that two variables belong to one tape and have one shape. `rule` says so in the error.
 pub(crate) fn check_pair<T: Scalar>(
     operation: &'static str,
     rule: &'static str,

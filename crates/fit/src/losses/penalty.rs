@@ -7,9 +7,8 @@
 //! images: in `f32` that of a difference above 1.8e19 is infinite. Weights are divided by the largest first.
 //!
 //! # Cost
-//! In `f32`, with both gradients, squared errors take 0.61 of the instructions of a backward pass by hand,
-//! absolute ones 0.49, Charbonnier's 0.70 and masked squares 0.88. They hold some images more until the step
-//! ends.
+//! In `f32`, with both gradients, squared errors take 0.61 of the instructions of a backward pass by hand. Absolute
+//! errors take 0.49, Charbonnier's 0.70 and masked squares 0.88. They hold some images more until the step ends.
 //!
 //! # Where it is not smooth
 //! The absolute error where `x = r`: its slope there is taken as 0, the middle of the subgradients.
@@ -27,7 +26,7 @@ use bokashi_core::{Mask, Scalar, Shape, TensorError, Var, sum};
 use crate::losses::entrywise::{self, Function};
 use crate::losses::pair::{check_pair, check_tapes};
 
-/// What a difference `d = x - r` between an image's entry x and its reference r costs.
+/// A penalty of the difference `d = x - r` between an image's entry x and its reference r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Penalty {
@@ -40,17 +39,17 @@ pub enum Penalty {
         /// Where the line begins, above 0.
         delta: f64,
     },
-    /// `sqrt(d^2 + scale^2) - scale`: as `|d|`, with its kink at 0 rounded. Differences well below the scale count
-    /// by their square.
+    /// `sqrt(d^2 + scale^2) - scale`: `|d|` with a rounded kink at 0. Differences well below the scale count by their
+    /// square.
     Charbonnier {
-        /// What is a small difference, above 0.
+        /// The scale of small differences, above 0.
         scale: f64,
     },
     /// `d^2 / (x^2 + epsilon)`: for radiance of high range, where bright pixels would outweigh all
-    /// others. The gradient takes the denominator as a constant: otherwise too bright an image could
-    /// be made better by more brightness. So the expectation over noise in the reference is right.
+    /// others. The gradient takes the denominator as a constant. Otherwise more brightness could lower the loss of
+    /// an image that is too bright. So the expectation over noise in the reference is right.
     Relative {
-        /// What keeps dark pixels from weighing too much, above 0; usually 0.01.
+        /// Bounds the weight of dark pixels; above 0, and usually 0.01.
         epsilon: f64,
     },
 }
@@ -174,7 +173,7 @@ impl<S: Scalar> Function<S> for Hypotenuse<S> {
         larger * (a * a + b * b).sqrt()
     }
 
-    /// Not asked for today: the denominator is held fixed.
+    /// Not called at present, since the denominator is a constant.
     #[inline(always)]
     fn slope(&self, x: S) -> S {
         x / self.value(x)
@@ -239,16 +238,15 @@ pub fn mean_error<'t, T: Scalar>(
     penalty.apply(image, image.try_sub(reference)?)?.mean()
 }
 
-/// The mean of the penalty, weighted; returns `[]`. The weights have the shape of the image or of its
-/// first axes: `[H, W]` weighs the pixels of `[H, W, C]`. They have a gradient, too.
+/// The weighted mean of the penalty; returns `[]`. The weights have the shape of the image or of its first axes:
+/// `[H, W]` weighs the pixels of `[H, W, C]`. They have a gradient, too.
 ///
-/// Where a weight is 0, nothing is read of the image: NaN and infinity stay out. 0 without a gradient
-/// where all weights are 0.
+/// Where a weight is 0 the image is not read, so NaN and infinity do not matter there. If all weights are 0, the
+/// result is 0 without a gradient.
 ///
 /// # Errors
-/// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a weight that is
-/// negative or not finite, for weights whose sum overflows, and for a delta, scale or epsilon that is not
-/// finite and above 0.
+/// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a weight that is negative or not
+/// finite, and for weights whose sum overflows; also for a delta, scale or epsilon that is not finite and above 0.
 #[inline(never)]
 pub fn weighted_error<'t, T: Scalar>(
     image: Var<'t, T>,
@@ -301,11 +299,11 @@ fn check_weights<T: Scalar>(
     Err(TensorError::Value { operation, rule, value })
 }
 
-/// The mean of the penalty over what the mask shows; returns `[]`. The mask has the shape of the image
-/// or of its first axes: `[H, W]` for the pixels of `[H, W, C]`.
+/// The mean of the penalty over the entries where the mask is true; returns `[]`. The mask has the shape of the
+/// image or of its first axes: `[H, W]` for the pixels of `[H, W, C]`.
 ///
-/// Nothing is read of what it does not show: NaN and infinity stay out. 0 without a gradient where it
-/// shows nothing.
+/// Where the mask is false the image is not read, so NaN and infinity do not matter there. If the mask is false
+/// everywhere, the result is 0 without a gradient.
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a delta, scale or

@@ -1,13 +1,13 @@
 //! A loss on an image and on its halves: `sum_j L(x_j, r_j)` with both images halved j times.
 //!
-//! What is far from where it should be has a gradient at the coarse levels, where it is near.
+//! At coarse levels, images that are many pixels apart overlap, and so have a gradient.
 
 use bokashi_core::{Scalar, TensorError, Var};
 
 use super::halved::halved;
 
-/// The sum of `loss` of `image` and `reference`, `[H, W, C]`, over `levels` levels: the images
-/// themselves, and each further level halved once more ([`halved`](crate::halved)).
+/// The sum of `loss` of `image` and `reference`, `[H, W, C]`, over `levels` levels. The first level has the images
+/// themselves. Each further level is [`halved`](crate::halved) once more.
 ///
 /// ```
 /// # use bokashi_core::{Tape, Tensor, TensorError};
@@ -24,7 +24,7 @@ use super::halved::halved;
 /// ```
 ///
 /// # Errors
-/// What `loss` refuses; [`TensorError::Value`] for no level, or one more than an image of a single pixel;
+/// Those of `loss`; [`TensorError::Value`] for no level, or one more than an image of a single pixel;
 /// [`TensorError::Shape`] unless the images are `[H, W, C]`.
 pub fn pyramid_error<'t, T: Scalar, E: From<TensorError>>(
     image: Var<'t, T>,

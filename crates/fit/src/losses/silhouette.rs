@@ -15,8 +15,8 @@ use bokashi_core::{Scalar, TensorError, Var};
 
 use crate::losses::pair::check_pair;
 
-/// 1 minus the intersection over union of two soft masks of any one shape, with entries from 0 to 1:
-/// silhouettes, coverage; returns `[]`. It is 0 where both are equal and hard, or both are empty.
+/// 1 minus the intersection over union of two soft masks of any one shape, with entries from 0 to 1; returns
+/// `[]`. It is 0 for two masks that are equal and have only zeros and ones, also for two empty ones.
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] unless both have the same shape.

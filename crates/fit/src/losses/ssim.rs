@@ -1,8 +1,8 @@
 //! Structural similarity of images.
 //!
 //! # Forward
-//! Around each place where a window of 11 x 11 pixels fits, and for each channel, with the weights w of
-//! a Gaussian of sigma 1.5: `mx = sum w x`, `vx = sum w x^2 - mx^2`, `vxy = sum w x y - mx my`, and so
+//! Windows of 11 x 11 pixels lie at each place where they fit. For each window and channel, with the weights w of a
+//! Gaussian of sigma 1.5: `mx = sum w x`, `vx = sum w x^2 - mx^2`, `vxy = sum w x y - mx my`, and so
 //! for y. With `c1 = (0.01 peak)^2` and `c2 = (0.03 peak)^2`:
 //! `l = (2 mx my + c1) / (mx^2 + my^2 + c1)` and `cs = (2 vxy + c2) / (vx + vy + c2)`.
 //!
@@ -34,7 +34,7 @@ use bokashi_core::{
 
 /// The width of a window.
 pub(super) const WINDOW: usize = 11;
-/// Its pixels on either side of both: they are in no window's centre.
+/// Rows and columns of an image that have no window around them.
 const BEYOND: usize = WINDOW - 1;
 /// The standard deviation of its weights.
 const SIGMA: f64 = 1.5;
@@ -60,13 +60,13 @@ pub(super) struct Piece<T, S> {
     total: S,
 }
 
-/// What the backward pass reads, and memory.
+/// Moments and slopes for the backward pass, and memory.
 #[derive(Debug, Default)]
 pub(super) struct Saved<T, S> {
     pieces: Vec<Piece<T, S>>,
     /// Per piece of image rows: a row of sums of A, B and C along columns.
     sums: Vec<[Vec<S>; 3]>,
-    /// What entries of either image are taken from: its mean, a constant.
+    /// The mean of each image, a constant that is subtracted first.
     offsets: [S; 2],
 }
 

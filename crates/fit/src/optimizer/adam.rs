@@ -24,9 +24,9 @@
 //! where they underflow.
 //!
 //! # Source
-//! Kingma and Ba, *Adam: a method for stochastic optimization*, ICLR 2015, algorithm 1. Reddi, Kale
-//! and Kumar, *On the convergence of Adam and beyond*, ICLR 2018, algorithm 2. Uniform: Nicolet, Jacobson and Jakob, *Large
-//! steps in inverse rendering of geometry*, ACM Transactions on Graphics 40(6), 2021, section 3.5.
+//! Kingma and Ba, *Adam: a method for stochastic optimization*, ICLR 2015, algorithm 1. Reddi, Kale and Kumar, *On the
+//! convergence of Adam and beyond*, ICLR 2018, algorithm 2. Uniform: Nicolet, Jacobson and Jakob, *Large steps in
+//! inverse rendering of geometry*, ACM Transactions on Graphics 40(6), 2021, section 3.5.
 
 use bokashi_core::Scalar;
 
@@ -47,7 +47,7 @@ pub(super) struct Adam<T> {
     epsilon: T,
 }
 
-/// What Adam remembers of one entry: `m`, `v`, and for AMSGrad `u`.
+/// The moments of one entry: `m`, `v`, and for AMSGrad `u`.
 type Moments<T> = [T; 3];
 
 impl<T: Scalar> Adam<T> {
@@ -69,8 +69,7 @@ impl<T: Scalar> Adam<T> {
         }
     }
 
-    /// The moments and the entry after an update along `g`; `least` is what its denominator is at least,
-    /// squared.
+    /// The moments and the entry after an update along `g`. `least` is a lower bound of the squared denominator.
     #[inline(always)]
     fn entry<const GREATEST: bool>(
         &self,
@@ -87,8 +86,8 @@ impl<T: Scalar> Adam<T> {
         (x + -self.rate * m / (square.sqrt() + self.epsilon), [m, v, u])
     }
 
-    /// Updates `parameter`; without a gradient, as with one of zeros. Returns how many entries'
-    /// updates vanished.
+    /// Updates `parameter`. No gradient counts as a gradient of zeros. Returns the number of entries whose updates
+    /// vanished.
     pub(super) fn step(&self, parameter: &mut Parameter<T>, gradient: Option<&[T]>) -> usize {
         match (gradient, self.keeps_the_greatest) {
             (Some(g), false) => self.step_by::<false>(parameter, |k| g[k]),
@@ -142,8 +141,8 @@ impl<T: Scalar> Adam<T> {
         })
     }
 
-    /// The first value that [`Adam::step`] would make infinite or NaN, or the first average square.
-    /// Gives the moments their places: zeros, which are those of no update.
+    /// The first value, or the first average square, that [`Adam::step`] would make infinite or NaN. Moments that are
+    /// not there yet become zeros.
     pub(super) fn steps_out_of_range(
         &self,
         parameter: &mut Parameter<T>,

@@ -5,7 +5,7 @@ use bokashi_core::Scalar;
 use super::entries::{first_not_finite, value_of, vanishes};
 use crate::parameter::Parameter;
 
-/// Returns how many entries' updates vanished.
+/// Updates a parameter along its gradient. Returns the number of entries whose updates vanished.
 pub(super) fn descend<T: Scalar>(
     parameter: &mut Parameter<T>,
     gradient: Option<&[T]>,

@@ -1,4 +1,4 @@
-//! What every optimizer asks of the entries of a parameter.
+//! Checks of the entries of a parameter, for every optimizer.
 
 use bokashi_core::Scalar;
 
@@ -13,13 +13,13 @@ pub(super) fn first_not_finite<T: Scalar>(count: usize, number: impl Fn(usize) -
     (0..count).map(number).find(|number| !number.is_finite())
 }
 
-/// What has to be finite where an entry becomes `raw`: its value, which only an exponential makes
-/// infinite of a finite raw number.
+/// The number that must be finite if an entry becomes `raw`: its value for an exponential mapping, which can be
+/// infinite for a finite raw number.
 pub(super) fn value_of<T: Scalar>(mapping: Mapping, raw: T) -> T {
     if mapping == Mapping::Exp { raw.exp() } else { raw }
 }
 
-/// Whether an update left `old` as it was though it should have moved it.
+/// Whether an update that is not zero left `old` as it was.
 pub(super) fn vanishes<T: Scalar>(old: T, new: T, direction: T, rate: T) -> bool {
     (new == old) & (direction != T::ZERO) & (rate != T::ZERO)
 }

@@ -7,14 +7,13 @@
 //! Steps of about `a` whatever the scale of the gradient: see `adam`.
 //!
 //! # Failure
-//! One NaN would poison the moments for ever, and an infinite `g^2` would freeze its entry. So two
-//! checks come before any change: all gradients, and then the values that parameters and moments
-//! would take. The second check computes the update without storing it; the update itself then
-//! computes the same bits again.
+//! One NaN would stay in the moments for ever, and an infinite `g^2` would freeze its entry. So two checks come
+//! before any change: of all gradients, and of the values that parameters and moments would take. The second
+//! check computes the update without storing it. The update itself computes the same bits again.
 //!
 //! # Updates that vanish
-//! An update below half a unit of the last place of its entry leaves the entry as it was. That is no
-//! error: each such entry is counted, see [`Parameter::vanished`].
+//! An update below half a unit in the last place of its entry does not change the entry. That is no error. Such
+//! entries are counted: see [`Parameter::vanished`].
 
 mod adam;
 mod descent;
@@ -30,7 +29,7 @@ use self::entries::first_not_finite;
 use crate::error::{FitError, Quantity};
 use crate::parameter::{Parameter, Parameters, Variables};
 
-/// How gradients change parameters.
+/// A rule by which gradients change parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "save", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "save", serde(rename_all = "kebab-case", deny_unknown_fields))]
@@ -40,10 +39,10 @@ pub enum Optimizer {
     GradientDescent,
     /// Steps of about the learning rate, from moving averages of the gradient and its square.
     ///
-    /// A gradient that is far larger than usual freezes its entry for as long as the average of the
-    /// square remembers it. A gradient of 1e10 among gradients of 1 does so for about 40,000
-    /// updates at the usual `beta2`. The recurrence says so, and it is no error; in `f32` the
-    /// updates vanish, which [`Parameter::vanished`] shows.
+    /// A gradient that is far larger than usual freezes its entry until the average of squares has forgotten it.
+    /// For a gradient of 1e10 among gradients of 1 that takes about 40,000 updates at the usual `beta2`. It
+    /// follows from the recurrence and is no error. In `f32` the updates vanish, which [`Parameter::vanished`]
+    /// shows.
     Adam {
         /// The decay of the average of the gradient.
         beta1: f64,
@@ -52,9 +51,8 @@ pub enum Optimizer {
         /// Added to the root of the average square.
         epsilon: f64,
     },
-    /// Adam whose denominators never fall: they hold the largest average square so far, which keeps
-    /// it stable after it has converged. A gradient that is far too large freezes its entry for
-    /// good.
+    /// Adam with the largest average square so far in its denominators. They never fall, so it stays stable after
+    /// convergence. A gradient that is far too large freezes its entry for good.
     AmsGrad {
         /// The decay of the average of the gradient.
         beta1: f64,
@@ -65,7 +63,7 @@ pub enum Optimizer {
     },
 }
 
-/// Adam with the constants of its authors, which the paper uses too.
+/// Adam with the constants of its authors.
 impl Default for Optimizer {
     fn default() -> Self {
         Self::Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 }
@@ -78,7 +76,7 @@ impl Optimizer {
         Self::AmsGrad { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 }
     }
 
-    /// beta1, beta2 and epsilon with their names in messages, where there are any.
+    /// The constants beta1, beta2 and epsilon with their names in messages; `None` for gradient descent.
     fn constants(&self) -> Option<[(&'static str, f64); 3]> {
         match *self {
             Self::GradientDescent => None,
@@ -113,8 +111,7 @@ impl Optimizer {
         Ok(())
     }
 
-    /// Changes `parameters`, recorded as `variables`, by their `gradients`; `factor` multiplies
-    /// every learning rate.
+    /// Updates `parameters`, recorded as `variables`, by their `gradients`. `factor` multiplies every learning rate.
     ///
     /// # Errors
     /// - [`FitError::NotFinite`] where a gradient (or, for Adam and AMSGrad, its square) is infinite
@@ -227,7 +224,7 @@ impl Optimizer {
     }
 }
 
-/// The first of `term(entry)` that is not finite.
+/// The first `term(entry)` that is not finite.
 fn not_finite<T: Scalar>(entries: &[T], term: impl Fn(T) -> T) -> Option<f64> {
     first_not_finite(entries.len(), |k| term(entries[k])).map(Scalar::to_f64)
 }

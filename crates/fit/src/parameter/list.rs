@@ -8,10 +8,10 @@ use super::single::Parameter;
 use super::variables::{Variable, Variables, position};
 use crate::error::{FitError, Quantity};
 
-/// What a saved fit gives back.
+/// Lists of saved fits.
 #[cfg(feature = "save")]
 impl<T: Scalar> Parameters<T> {
-    /// The list of `list`, whose raw numbers are what they are.
+    /// The list of parameters with these raw numbers, as saved.
     ///
     /// # Errors
     /// As [`Parameters::with`].
@@ -38,7 +38,7 @@ pub struct Parameters<T> {
     pub(crate) list: Vec<Parameter<T>>,
     /// The names in the order of the list, shared with every step's variables.
     names: Arc<[String]>,
-    /// How many updates there were.
+    /// The number of updates.
     pub(crate) updates: u64,
 }
 
@@ -57,9 +57,10 @@ impl<T: Scalar> Parameters<T> {
     /// The list with `parameter` at its end.
     ///
     /// # Errors
-    /// [`FitError::Setting`] for a name that is taken, a rate that is negative or not finite, or
-    /// a value that is not finite or that its mapping does not reach, or a mapping beside a
-    /// preconditioner; `TensorError::Shape` for a preconditioner of another number of vertices.
+    /// - [`FitError::Setting`] for a name that is taken, for a rate that is negative or not finite, and for a mapping
+    ///   beside a preconditioner.
+    /// - [`FitError::Setting`] for a value that is not finite, or that its mapping does not reach.
+    /// - `TensorError::Shape` for a preconditioner of another number of vertices.
     pub fn with(mut self, mut parameter: Parameter<T>) -> Result<Self, FitError> {
         if self.names.contains(&parameter.name) {
             let name = format!("{:?} twice", parameter.name);
@@ -117,9 +118,9 @@ impl<T: Scalar> Parameters<T> {
         Ok(())
     }
 
-    /// Puts `parameter`, of another list, in the place of the one of its name. It may have another shape and another
-    /// preconditioner, as where a mesh got other vertices: `carry` makes the optimizer's moments of the old ones, which
-    /// have the shape of the old values.
+    /// Replaces the parameter of the same name by `parameter`. The new one may have another shape and another
+    /// preconditioner, as after a mesh got other vertices. `carry` maps each of the optimizer's moments, which have the
+    /// shape of the old values, to the new shape.
     ///
     /// # Errors
     /// [`FitError::UnknownParameter`]; those of `carry`; [`FitError::Setting`] for moments of another shape than
@@ -148,7 +149,7 @@ impl<T: Scalar> Parameters<T> {
         Ok(())
     }
 
-    /// The parameters that `other` has, in its order: as they are here, where they are, and else as they are there.
+    /// The parameters of `other` in its order. Those that this list has too are taken from this list.
     #[must_use]
     pub fn with_those_of(&self, other: &Self) -> Self {
         let own = |parameter: &Parameter<T>| self.get(&parameter.name).unwrap_or(parameter).clone();
@@ -168,8 +169,7 @@ impl<T: Scalar> Parameters<T> {
         Ok(())
     }
 
-    /// Forgets the moments of all parameters, as if there had been no update: a way on after a
-    /// gradient that froze some of them.
+    /// Forgets the moments of all parameters, as before the first update: for instance after a far too large gradient.
     pub fn forget_moments(&mut self) {
         for parameter in &mut self.list {
             parameter.first.clear();
@@ -179,9 +179,9 @@ impl<T: Scalar> Parameters<T> {
         }
     }
 
-    /// Records the parameters on `tape`: a leaf and its mapping each, a constant where frozen.
+    /// Records the parameters on `tape`: each as a leaf and its mapping, or as a constant where it is frozen.
     ///
-    /// Leaves are copies, so that an update in place never copies.
+    /// Leaves are copies, so an update in place never copies.
     #[inline(never)]
     pub fn record<'t>(&self, tape: &'t Tape<T>) -> Variables<'t, T> {
         let record = |parameter: &Parameter<T>| {

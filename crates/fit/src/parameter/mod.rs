@@ -1,8 +1,8 @@
-//! Named parameters: what a fit changes.
+//! Named parameters, which a fit changes.
 //!
-//! Each parameter has a learning rate of its own and, where its values are restricted, a mapping
-//! from *raw* numbers that an optimizer may move freely: `value = mapping(raw)`. Vertices of a mesh may
-//! have a preconditioner instead, a linear map. Gradients and rates are those of the raw numbers.
+//! Each parameter has a learning rate. An optimizer moves its *raw* numbers freely, and where values are restricted,
+//! `value = mapping(raw)`. Vertices of a mesh may have a preconditioner instead, a linear map. Gradients and rates
+//! are those of the raw numbers.
 
 mod list;
 mod mapping;

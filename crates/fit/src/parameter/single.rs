@@ -1,4 +1,4 @@
-//! One named array, with its rate and its moments.
+//! A parameter: a named array with its rate and its moments.
 
 use bokashi_core::{Scalar, Tensor, Var};
 
@@ -6,11 +6,11 @@ use super::mapping::Mapping;
 use crate::error::FitError;
 use crate::preconditioner::Preconditioner;
 
-/// A named array with what an optimizer needs to change it.
+/// A named array that an optimizer changes, with its rate, its mapping and its moments.
 #[derive(Debug, Clone)]
 pub struct Parameter<T> {
     pub(super) name: String,
-    /// Values until the parameter joins a list, raw numbers from then on.
+    /// The values until the parameter is added to a list, and then the raw numbers.
     pub(crate) raw: Tensor<T>,
     pub(crate) rate: f64,
     pub(crate) mapping: Mapping,
@@ -26,16 +26,16 @@ pub struct Parameter<T> {
     pub(crate) second: Vec<T>,
     /// AMSGrad's largest average square; empty unless it is used.
     pub(crate) greatest: Vec<T>,
-    /// How many updates the moving averages have seen.
+    /// The number of updates of the moving averages.
     pub(crate) updates: u64,
-    /// How many entries the last update should have moved and did not.
+    /// The number of entries whose last update vanished.
     pub(crate) vanished: usize,
 }
 
 /// What a list checks of a preconditioned parameter.
 const SHAPE: &str = "a preconditioned parameter has a row for each vertex";
 
-/// The rate of a parameter that was given none: Adam's usual one.
+/// The default rate, as usual for Adam.
 const DEFAULT_RATE: f64 = 1e-3;
 
 impl<T: Scalar> Parameter<T> {
@@ -82,41 +82,39 @@ impl<T: Scalar> Parameter<T> {
         Self { preconditioner, is_uniform: true, ..self }
     }
 
-    /// The parameter, for which Adam and AMSGrad divide by one number for all entries: the largest of
-    /// their average squares. Steps then keep the direction of the average gradient; entries with small
-    /// gradients make small steps.
+    /// The parameter as a uniform one: Adam and AMSGrad divide all entries by the root of their largest average square.
+    /// Steps then have the direction of the average gradient, and entries with small gradients make small steps.
     #[must_use]
     pub fn uniform(self) -> Self {
         Self { is_uniform: true, ..self }
     }
 
-    /// The change of variables through which the parameter is learnt, if there is one.
+    /// The preconditioner, if there is one.
     pub fn preconditioner(&self) -> Option<&Preconditioner> {
         self.preconditioner.as_ref()
     }
 
-    /// What leads from the raw numbers to the value.
+    /// The mapping from the raw numbers to the value.
     pub fn mapped_by(&self) -> Mapping {
         self.mapping
     }
 
-    /// Whether both have the same name, shape, learning rate, mapping and preconditioner, and neither or
-    /// both are uniform, and frozen.
+    /// Whether two parameters have the same name, shape, learning rate, mapping and preconditioner. Also both or
+    /// neither must be uniform, and frozen.
     pub fn is_like(&self, other: &Self) -> bool {
         (self.name(), self.raw.shape()) == (other.name(), other.raw.shape())
             && (self.rate, self.mapping, self.frozen) == (other.rate, other.mapping, other.frozen)
             && (self.is_uniform, &self.preconditioner) == (other.is_uniform, &other.preconditioner)
     }
 
-    /// The parameter held at its value: recorded as a constant, it costs no gradient.
+    /// The parameter frozen at its value. It is recorded as a constant and costs no gradient.
     #[must_use]
     pub fn frozen(self) -> Self {
         Self { frozen: true, ..self }
     }
 
-    /// The parameter, which a pipeline may now leave unused when a fit starts, and use later. Every
-    /// other parameter needs a way to the loss in a fit's first step
-    /// ([`FitError::NoWay`](crate::FitError::NoWay)).
+    /// The parameter as an optional one: the loss of the first step need not depend on it. Otherwise a fit refuses a
+    /// parameter without influence ([`FitError::NoWay`](crate::FitError::NoWay)).
     #[must_use]
     pub fn optional(self) -> Self {
         Self { is_optional: true, ..self }
@@ -132,19 +130,19 @@ impl<T: Scalar> Parameter<T> {
         self.frozen || self.rate == 0.0
     }
 
-    /// How many entries the last update left as they were though it was not zero: it was below half
-    /// a unit of their last place. Many of them say that the numbers of the fit are too short, the
-    /// rate has become too small, or a gradient was once far too large.
+    /// The number of entries whose last update was not zero and yet changed nothing: it was below half a unit in the
+    /// last place. If there are many, the precision is too low, the rate has become too small, or a gradient was far
+    /// too large.
     pub fn vanished(&self) -> usize {
         self.vanished
     }
 
-    /// What the optimizer moves.
+    /// The raw numbers, which the optimizer moves.
     pub fn raw(&self) -> &Tensor<T> {
         &self.raw
     }
 
-    /// The value: what the mapping, or the preconditioner, makes of the raw numbers.
+    /// The value: the mapping, or the preconditioner, applied to the raw numbers.
     pub fn value(&self) -> Tensor<T> {
         if let Some(preconditioner) = &self.preconditioner {
             return preconditioner.value(&self.raw).expect(SHAPE);
@@ -176,7 +174,7 @@ impl<T: Scalar> Parameter<T> {
         }
     }
 
-    /// Checks that the preconditioner, if there is one, fits.
+    /// Checks that the preconditioner, if there is one, has a vertex for each row.
     pub(super) fn check_preconditioner(&self) -> Result<(), FitError> {
         let Some(preconditioner) = &self.preconditioner else { return Ok(()) };
         if self.mapping != Mapping::Identity {
@@ -186,7 +184,7 @@ impl<T: Scalar> Parameter<T> {
         Ok(preconditioner.check(self.raw.shape())?)
     }
 
-    /// Makes `value` the value.
+    /// Sets the value.
     pub(super) fn set(&mut self, value: &Tensor<T>) -> Result<(), FitError> {
         let raw = match self.mapping {
             Mapping::Identity => match &self.preconditioner {
@@ -203,8 +201,8 @@ impl<T: Scalar> Parameter<T> {
         Ok(())
     }
 
-    /// The first entry of the value that is not finite; of a preconditioned parameter, of the raw numbers:
-    /// finite ones have a finite value.
+    /// The first entry of the value that is not finite. For a preconditioned parameter it is one of the raw numbers,
+    /// since finite ones have a finite value.
     pub(super) fn not_finite(&self) -> Option<f64> {
         let values = self.raw.data().iter().map(|&raw| self.mapping.value(raw));
         values.map(Scalar::to_f64).find(|value| !value.is_finite())

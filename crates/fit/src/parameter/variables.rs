@@ -17,7 +17,7 @@ pub(crate) struct Variable<'t, T: Scalar> {
 /// The parameters on a tape, for one step.
 #[derive(Debug, Clone)]
 pub struct Variables<'t, T: Scalar> {
-    /// Up to eight need no allocation.
+    /// The variables. Up to eight need no allocation.
     pub(crate) list: SmallVec<[Variable<'t, T>; 8]>,
     pub(crate) names: Arc<[String]>,
 }
@@ -36,8 +36,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
         self.list.iter().map(|variable| variable.value)
     }
 
-    /// The variables with one more, `name`, whose value follows from the others: a pipeline makes it of these once,
-    /// for all of its views.
+    /// The variables with one more, `name`. A pipeline computes its value from the others once, for all of its views.
     #[must_use]
     pub fn with(mut self, name: String, value: Var<'t, T>) -> Self {
         self.names = self.names.iter().cloned().chain([name]).collect();
@@ -45,7 +44,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
         self
     }
 
-    /// The variables without `name`, if it is one: what is not among them has no gradient from what is made of them.
+    /// The variables without `name`. A loss of the others has no gradient by it.
     #[must_use]
     pub fn without(mut self, name: &str) -> Self {
         if let Ok(index) = position(&self.names, name) {
@@ -61,7 +60,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
         Self { list, names: Arc::clone(names) }
     }
 
-    /// Where `tape` holds what is not finite first.
+    /// The first place on `tape` with a number that is not finite.
     pub(crate) fn origin_on(&self, tape: &'t Tape<T>) -> Option<Box<Origin>> {
         tape.first_not_finite().map(|first| {
             Box::new(match first.operation() {
@@ -82,7 +81,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
         named.filter(|(variable, _)| is_among(variable)).map(|(_, name)| name.clone()).collect()
     }
 
-    /// The raw numbers of the parameter `name`: the leaf that gradients are with respect to.
+    /// The raw numbers of the parameter `name`, the leaf by which gradients are taken.
     ///
     /// # Errors
     /// [`FitError::UnknownParameter`].
@@ -91,7 +90,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
     }
 }
 
-/// The value of the parameter at a place in the list.
+/// The value of the parameter with an index in the list.
 impl<'t, T: Scalar> std::ops::Index<usize> for Variables<'t, T> {
     type Output = Var<'t, T>;
 
@@ -100,7 +99,7 @@ impl<'t, T: Scalar> std::ops::Index<usize> for Variables<'t, T> {
     }
 }
 
-/// Where in `names` the name is.
+/// The index of a name in `names`.
 pub(super) fn position(names: &[String], name: &str) -> Result<usize, FitError> {
     let index = names.iter().position(|known| known == name);
     index.ok_or_else(|| FitError::UnknownParameter { name: name.into(), known: names.to_vec() })

@@ -2,11 +2,11 @@
 
 use bokashi_core::{Scalar, SparseMatrix, TensorError, Var};
 
-/// The mean over rows of `|(M v)_i|^2`, for vertices or whatever else stands at vertices, `[V]` or
-/// `[V, C]`; returns `[]`. M is a Laplacian of the [`Topology`](crate::Topology). 0 where there is no row.
+/// The mean over rows of `|(M v)_i|^2`, for positions or other numbers at vertices, `[V]` or `[V, C]`; returns `[]`. M
+/// is a Laplacian of the [`Topology`](crate::Topology). It is 0 without a row.
 ///
-/// By the uniform Laplacian it draws each vertex to the mean of its neighbours, along the surface too; by
-/// the cotangent Laplacian of a rest shape mostly across it.
+/// With the uniform Laplacian it draws each vertex to the mean of its neighbours, also along the surface. With the
+/// cotangent Laplacian of a rest shape it draws vertices mostly across the surface.
 ///
 /// # Errors
 /// [`TensorError::Shape`] unless `vertices` has a row for each column of the matrix.

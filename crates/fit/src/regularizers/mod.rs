@@ -1,4 +1,4 @@
-//! Regularizers of meshes and textures: what a fit should prefer where its images do not say.
+//! Regularizers of meshes and textures: preferences of a fit where its images do not decide.
 //!
 //! | file | regularizers |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! How much neighbouring faces turn against each other.
+//! Normal consistency: the angles between neighbouring faces.
 //!
 //! # Forward
 //! `L = (1 / P) sum (1 - n_f . n_g)` over the P pairs of faces that share an edge, with unit normals,
@@ -74,7 +74,7 @@ impl<S: Scalar> Facet<S> {
     }
 }
 
-/// What the backward pass reads, and memory.
+/// Facets and normals for the backward pass, and memory.
 #[derive(Debug, Default)]
 struct Saved<S> {
     facets: Vec<Facet<S>>,

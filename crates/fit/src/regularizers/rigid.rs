@@ -6,9 +6,9 @@
 //! rotation that makes its own sum smallest (`best_rotation`, of `sum_j w_ij r_ij p_ij'`).
 //!
 //! # Backward
-//! `p_bar_i = (2 L_bar / V) sum_j w_ij (2 p_ij - (R_i + R_j) r_ij)`. The rotations are taken as fixed:
-//! each is the best for the positions at hand, so to first order L does not change with it (envelope
-//! theorem), and the gradient is exact.
+//! `p_bar_i = (2 L_bar / V) sum_j w_ij (2 p_ij - (R_i + R_j) r_ij)`. The rotations are constants.
+//! Each is the best for the present positions, so to first order L does not change with it (envelope theorem). So the
+//! gradient is exact.
 //!
 //! # Where it is not smooth
 //! Where several rotations are equally good: a vertex with edges along one line, or turned inside out.
@@ -30,15 +30,14 @@ use crate::topology::Topology;
 
 const NAME: &str = "rigidity";
 
-/// How much each edge of a neighbourhood counts.
+/// The weights of the edges of a neighbourhood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum RigidWeights {
-    /// All alike.
+    /// Equal weights.
     Uniform,
-    /// By the cotangents of the rest pose, as in the paper: the error then hardly depends on how the
-    /// surface is cut into triangles. Negative weights, as of obtuse angles, count as 0: with them an
-    /// error could fall without end.
+    /// The cotangents of the rest pose, as in the paper. The error then hardly depends on how the surface is cut into
+    /// triangles. Negative weights, as of obtuse angles, count as 0: with them the error would have no minimum.
     #[default]
     Cotangent,
 }
@@ -83,9 +82,8 @@ impl Rigidity {
         Ok(Self(Arc::new(Inner { topology: topology.clone(), rest })))
     }
 
-    /// The mean over the vertices of how far their edges, squared and weighted, are from those of a
-    /// turned rest pose; returns `[]`. 0 where the mesh has only been moved and turned, and without a
-    /// vertex.
+    /// The mean over vertices of the weighted squared distances between their edges and the rotated edges of the rest
+    /// pose; returns `[]`. It is 0 for a mesh that was only moved and turned, and without a vertex.
     ///
     /// # Errors
     /// [`TensorError::Shape`] unless the positions are `[V, 3]` with as many vertices as the topology.

@@ -1,4 +1,4 @@
-//! What a file says of a fit beside its numbers: the JSON text in its metadata.
+//! The JSON text in the metadata of a saved fit, which has all but its numbers.
 
 use bokashi_core::Scalar;
 use serde::{Deserialize, Serialize};
@@ -13,10 +13,10 @@ use crate::stopping::Losses;
 
 /// The version of what follows.
 const VERSION: u64 = 2;
-/// The largest count of updates: it leaves room to count on.
+/// The largest number of updates in a file, so that counts cannot overflow later.
 const MOST_UPDATES: u64 = 1 << 63;
 
-/// What every version begins with.
+/// The fields with which every version begins.
 #[derive(Debug, Deserialize)]
 struct Head {
     version: u64,
@@ -27,17 +27,17 @@ struct Head {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Contents {
-    /// First in the text: of all that comes after it there, and of all tensors.
+    /// The checksum, first in the text, of the text after it and of all tensors.
     pub(super) checksum: String,
     version: u64,
     pub(super) precision: String,
     settings: Settings,
-    /// How many updates are done.
+    /// The number of updates done.
     step: u64,
-    /// The least loss of a run that has not ended, if there is one, and its step.
+    /// The least loss of a run that has not ended, and its step.
     least_loss: Option<f64>,
     least_loss_step: u64,
-    /// How many updates the parameters had.
+    /// The number of updates that the parameters had.
     pub(super) updates: u64,
     pub(super) parameters: Vec<Described>,
 }
@@ -51,7 +51,7 @@ pub(super) struct Described {
     pub(super) mapping: Mapping,
     pub(super) frozen: bool,
     pub(super) updates: u64,
-    /// Only where it says something: files without it are what they were.
+    /// Left out where it is false, so that files without it have not changed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(super) uniform: bool,
     /// The fingerprint of the preconditioner.
@@ -72,7 +72,7 @@ struct Settings {
 }
 
 impl Contents {
-    /// What is to be saved of a fit of numbers of type `precision`; its checksum is not known yet.
+    /// The contents for a fit of numbers of type `precision`, without the checksum.
     pub(super) fn new<T: Scalar>(
         precision: &str,
         loop_state: &LoopState<'_>,
@@ -113,7 +113,7 @@ impl Contents {
         }
     }
 
-    /// What `text` says.
+    /// Reads the contents of `text`.
     pub(super) fn from_text(text: &str) -> Result<Self, FitError> {
         let unreadable =
             |error: serde_json::Error| FitError::saved("contents that are those of a fit", error);
@@ -129,7 +129,7 @@ impl Contents {
         serde_json::from_str(text).map_err(unreadable)
     }
 
-    /// The state of the loop, and that of the pipeline, which is saved beside it.
+    /// The state of the loop, with the state of the pipeline, which has a tensor of its own.
     pub(super) fn loop_state<'a>(
         &self,
         pipeline: Option<&'a [u8]>,
@@ -163,7 +163,7 @@ impl Contents {
     }
 }
 
-/// What tells a preconditioner from others: its lambda, and a checksum of the edges.
+/// The fingerprint of a preconditioner: its lambda and a checksum of the edges.
 pub(super) fn fingerprint(preconditioner: &Preconditioner) -> String {
     let topology = preconditioner.topology();
     let mut hasher = crc32fast::Hasher::new();
@@ -184,7 +184,7 @@ fn limit(text: &Option<String>) -> Result<Option<f64>, FitError> {
     text.as_ref().map(number).transpose()
 }
 
-/// Checks that all of `counts` leave room to count on.
+/// Checks that all `counts` are so small that they cannot overflow later.
 pub(super) fn check_updates(mut counts: impl Iterator<Item = u64>) -> Result<(), FitError> {
     match counts.find(|&count| count > MOST_UPDATES) {
         Some(count) => Err(FitError::saved("at most 2^63 updates", count)),

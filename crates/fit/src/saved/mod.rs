@@ -12,7 +12,7 @@
 //! | `largest_second_moment/NAME` | the largest of these so far |
 //! | `pipeline` | bytes (`U8`) that the pipeline saved of itself |
 //!
-//! What an optimizer does not have, and a pipeline that has not begun, has no tensor.
+//! Moments that an optimizer does not have, and a pipeline that has not begun, have no tensor.
 //!
 //! Everything else is a JSON text in the metadata, under `bokashi_fit`. It has the version, the
 //! settings, how many updates are done, and the least loss of the run with its step. For each
@@ -20,13 +20,12 @@
 //! text begins with a checksum: the CRC-32 of the rest of the text and of all tensors by name. A
 //! tensor counts with its name, its type and shape (as `F32[8, 3]`), and its bytes.
 //!
-//! A parameter that is preconditioned is saved as it is learnt, by its raw numbers. The factor is not
-//! saved: who resumes the fit gives the preconditioner again, and a fingerprint of its edges and lambda
-//! says whether it is the same.
+//! A preconditioned parameter is saved by its raw numbers. The preconditioner itself is not saved. Whoever resumes
+//! the fit makes it again, and a fingerprint of its edges and lambda tells whether it is the same.
 //!
 //! # Trust
-//! Nothing that a file says is believed before it is checked: whatever the bytes are, the answer is
-//! a fit or an error, and memory is taken in proportion to the bytes that the file has.
+//! All contents of a file are checked before they are used. Any bytes give a fit or an error, and memory is taken in
+//! proportion to the bytes of the file.
 
 mod contents;
 mod stored;
@@ -53,13 +52,13 @@ use crate::preconditioner::Preconditioner;
 
 /// The text's key in the metadata.
 const KEY: &str = "bokashi_fit";
-/// What the text begins with, before the digits of the checksum.
+/// The beginning of the text, before the digits of the checksum.
 const BEFORE_CHECKSUM: &str = "{\"checksum\":\"";
 /// The hexadecimal digits of the checksum.
 const DIGITS: usize = 8;
 /// The name of the pipeline's state.
 const PIPELINE: &str = "pipeline";
-/// What comes before a parameter's name, for its raw numbers and its three kinds of moments.
+/// The prefixes of a parameter's name, for its raw numbers and its three kinds of moments.
 const RAW: &str = "raw";
 const MOMENTS: [&str; 3] = ["first_moment", "second_moment", "largest_second_moment"];
 /// The most axes of a tensor: more than any operation takes.
@@ -68,8 +67,7 @@ const MOST_AXES: usize = 8;
 const LONGEST_HEADER: u64 = 100_000_000;
 
 impl<T: Stored> Fit<T> {
-    /// Saves the fit to the file `path`: it then holds all of the fit or, after an error, what it
-    /// held before.
+    /// Saves the fit to the file `path`. After an error the file is as it was before.
     ///
     /// # Errors
     /// [`FitError::File`] where the file cannot be written; [`FitError::NotFinite`] for a parameter
@@ -78,7 +76,7 @@ impl<T: Stored> Fit<T> {
         write(path.as_ref(), &self.to_bytes()?)
     }
 
-    /// What [`Fit::save`] writes.
+    /// The bytes that [`Fit::save`] writes.
     ///
     /// # Errors
     /// [`FitError::NotFinite`] for a parameter whose value is not finite.
@@ -86,8 +84,8 @@ impl<T: Stored> Fit<T> {
         encode(&self.loop_state(), self.parameters())
     }
 
-    /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
-    /// interrupted; its pipeline gets its state back in the first step.
+    /// Resumes the fit that was saved to the file `path`. It goes on to the same bits as without an interruption. The
+    /// first step restores the state of its pipeline.
     ///
     /// # Errors
     /// [`FitError::File`] where the file cannot be read; as [`Fit::from_bytes`].
@@ -95,7 +93,7 @@ impl<T: Stored> Fit<T> {
         Self::from_bytes(&read(path.as_ref())?)
     }
 
-    /// [`Fit::resume`] of a fit with preconditioned parameters: `preconditioners` are theirs, by name.
+    /// [`Fit::resume`] for a fit with preconditioned parameters. `preconditioners` has them by the names of parameters.
     ///
     /// # Errors
     /// As [`Fit::resume`] and [`Fit::from_bytes_with`].
@@ -106,7 +104,7 @@ impl<T: Stored> Fit<T> {
         Self::from_bytes_with(&read(path.as_ref())?, preconditioners)
     }
 
-    /// The fit that [`Fit::to_bytes`] gave `bytes` of.
+    /// The fit with the `bytes` of [`Fit::to_bytes`].
     ///
     /// # Errors
     /// [`FitError::Saved`] for bytes that are something else, of another version or precision, too
@@ -116,7 +114,8 @@ impl<T: Stored> Fit<T> {
         Self::from_bytes_with(bytes, &[])
     }
 
-    /// [`Fit::from_bytes`] of a fit with preconditioned parameters: `preconditioners` are theirs, by name.
+    /// [`Fit::from_bytes`] for a fit with preconditioned parameters. `preconditioners` has them by the names of
+    /// parameters.
     ///
     /// # Errors
     /// As [`Fit::from_bytes`]; [`FitError::Saved`] where a preconditioner is missing, differs from the
@@ -136,7 +135,7 @@ impl<T: Stored> Fit<T> {
 }
 
 impl<T: Stored, M> StepState<'_, T, M> {
-    /// Saves the fit as it is in this step: as [`Fit::save`], while it runs.
+    /// Saves the fit as it is in this step, while it runs, as [`Fit::save`].
     ///
     /// # Errors
     /// As [`Fit::save`]; [`FitError::Saved`] for a step of something else than a fit.
@@ -155,12 +154,12 @@ fn file_error(path: &Path, done: &'static str, error: &io::Error) -> FitError {
     FitError::File { path: path.to_owned(), done, message: error.to_string() }
 }
 
-/// Bytes that are no file of this format.
+/// The error for bytes that are no file of this format.
 fn foreign(error: impl std::fmt::Display) -> FitError {
     FitError::saved("a safetensors file", error)
 }
 
-/// The bytes of a file, of which no more are read than its header says.
+/// Reads the bytes of a file, and no more of them than its header says.
 ///
 /// # Errors
 /// [`FitError::File`] where it cannot be read; [`FitError::Saved`] where its header is not that of a
@@ -270,7 +269,7 @@ fn checksum<'a>(
     format!("{:0DIGITS$x}", hasher.finalize())
 }
 
-/// A file that is what it was when it was written.
+/// A file whose checksum is right.
 #[derive(Debug)]
 struct Opened<'a> {
     contents: Contents,
@@ -300,9 +299,9 @@ impl<'a> Opened<'a> {
         Ok(Self { contents, tensors })
     }
 
-    /// What [`encode`] wrote.
+    /// Decodes the bytes of [`encode`].
     ///
-    /// Without a list of preconditioners the parameters are not those of a fit, only checked.
+    /// Without a list of preconditioners the parameters are only checked, and make no fit.
     fn decoded<T: Stored>(
         mut self,
         preconditioners: Option<&[(&str, &Preconditioner)]>,
@@ -338,7 +337,7 @@ impl<'a> Opened<'a> {
         Ok((Parameters::restored(list, self.contents.updates)?, loop_state))
     }
 
-    /// A parameter with its numbers, which are its alone.
+    /// Takes the numbers of a parameter out of the file, so that no other parameter has the same tensors.
     fn parameter<T: Stored>(&mut self, described: Described) -> Result<Parameter<T>, FitError> {
         let Described { name, rate, mapping, frozen, updates, uniform, .. } = described;
         let raw = format!("{RAW}/{name}");
@@ -368,7 +367,7 @@ impl<'a> Opened<'a> {
         Ok(parameter)
     }
 
-    /// The tensor of this name, which is not there again.
+    /// Takes the tensor of this name out of the file.
     fn tensor<T: Stored>(&mut self, name: &str) -> Result<Option<Tensor<T>>, FitError> {
         let Some(view) = self.tensors.remove(name) else { return Ok(None) };
         if view.dtype() != T::DTYPE {
@@ -386,7 +385,7 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Of those given, the preconditioner that the parameter `name` was saved with.
+/// Finds the preconditioner with which the parameter `name` was saved.
 fn preconditioner(
     name: &str,
     saved: Option<String>,
@@ -404,7 +403,7 @@ fn preconditioner(
     Err(FitError::saved(described(saved), described(present)))
 }
 
-/// The precision that the fit in `file` computes with, and its pipeline's state.
+/// The precision of the fit in `file`, and the state of its pipeline.
 ///
 /// # Errors
 /// As [`Fit::from_bytes`].

@@ -1,8 +1,8 @@
 //! Charts: parts of a surface whose normals lie within a cone.
 //!
-//! All charts grow at once from a face each, over shared edges, in the order of `(1.1 - n_face . axis) length`, summed
-//! along the way. A chart's axis is then the mean of its normals, and it grows anew from the face in its middle, as in
-//! Lloyd's algorithm. At last charts are joined that fit within one cone together.
+//! All charts grow at once over shared edges, each from a seed face. The next face is the one with the least cost, the
+//! sum of `(1.1 - n_face . axis) length` along the way. Then the mean of a chart's normals becomes its axis, and charts
+//! grow anew from the faces at their middles, as in Lloyd's algorithm. Charts that fit within one cone are joined.
 //!
 //! # Source
 //! Sander et al., *Multi-Chart Geometry Images*, SGP 2003, section 3; the cone is ours.
@@ -11,32 +11,32 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::{edges, repeats_a_vertex, sides};
 use bokashi_render_ops::glam::DVec3;
 
-use crate::edges::{edges, sides};
 use crate::placed::Placed;
-use crate::triangle::{area_vector, quality, repeats_a_vertex};
+use crate::triangle::{area_vector, quality};
 
-/// Of a face in no chart, and where there is no neighbour.
+/// Stands for no chart and for no neighbour.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Below this quality a face has no normal to speak of.
 const DEGENERATE: f64 = 1e-12;
 
-/// How often charts grow anew.
+/// The number of rounds in which charts grow anew.
 const ROUNDS: usize = 8;
 
 /// Faces with their normals and neighbours.
 pub(super) struct Faces {
-    /// Of length 1; zero of a face without an area.
+    /// Unit normals; zero for a face without an area.
     pub(super) normals: Vec<DVec3>,
     middles: Vec<DVec3>,
     areas: Vec<f64>,
-    /// Over each edge of two faces that run through it in opposite directions.
+    /// The faces beyond the edges that face each corner, where two faces run through an edge in opposite directions.
     neighbors: Vec<[u32; 3]>,
 }
 
-/// Where a chart grows from.
+/// The face from which a chart grows, and its axis.
 #[derive(Clone, Copy)]
 struct Seed {
     face: u32,
@@ -46,12 +46,12 @@ struct Seed {
 /// Faces, and the middle of the cone of their normals.
 #[derive(Clone)]
 pub(super) struct Chart {
-    /// In the order in which they grew.
+    /// The faces, in the order in which the chart grew over them.
     pub(super) faces: Vec<u32>,
     pub(super) axis: DVec3,
 }
 
-/// A face that a chart can grow over next; the least cost is the greatest.
+/// A face over which a chart can grow next. The step with the least cost is the greatest, for the heap.
 struct Step {
     cost: f64,
     face: u32,
@@ -112,12 +112,12 @@ impl Faces {
         self.normals[face as usize] != DVec3::ZERO
     }
 
-    /// That of all faces.
+    /// The area of all faces.
     pub(super) fn area(&self) -> f64 {
         self.areas.iter().sum()
     }
 
-    /// All proper faces in charts, none of whose normals is further than `least`, a cosine, from the axis.
+    /// Divides all faces with an area into charts. The cosine of a normal and its chart's axis is at least `least`.
     pub(super) fn charts(&self, least: f64) -> Vec<Chart> {
         let mut chart_of = vec![NONE; self.normals.len()];
         let mut charts = Vec::new();
@@ -132,7 +132,7 @@ impl Faces {
         charts
     }
 
-    /// Adds charts until each proper face is in one.
+    /// Adds charts until each face with an area is in one.
     fn cover(&self, charts: &mut Vec<Chart>, chart_of: &mut [u32], least: f64) {
         for face in 0..self.normals.len() as u32 {
             if chart_of[face as usize] == NONE && self.is_proper(face) {
@@ -147,7 +147,7 @@ impl Faces {
         }
     }
 
-    /// The mean normal of the free faces next to a face, if that is within its cone.
+    /// The mean normal of some 64 free faces around a face, or the face's normal where it is not within that cone.
     fn axis_around(&self, face: u32, chart_of: &[u32], least: f64) -> DVec3 {
         let normal = self.normals[face as usize];
         let (mut near, mut sum, mut next) = (vec![face], DVec3::ZERO, 0);
@@ -166,7 +166,8 @@ impl Faces {
         if axis.dot(normal) >= least { axis } else { normal }
     }
 
-    /// The charts that grow from seeds over faces that are in none.
+    /// The charts that grow from seeds over faces that are in no chart yet (Dijkstra's algorithm from all seeds at
+    /// once).
     fn grown(&self, seeds: &[Seed], chart_of: &mut [u32], least: f64) -> Vec<Chart> {
         let mut charts: Vec<_> =
             seeds.iter().map(|seed| Chart { faces: Vec::new(), axis: seed.axis }).collect();
@@ -176,6 +177,7 @@ impl Faces {
             .collect();
         while let Some(Step { cost, face, chart }) = open.pop() {
             let at = face as usize;
+            // A face is offered once by each neighbour, and taken at the least cost.
             if chart_of[at] != NONE {
                 continue;
             }
@@ -199,16 +201,17 @@ impl Faces {
         charts
     }
 
-    /// The sum of the normals of faces, each as long as its face is large.
+    /// The sum of the normals of faces, weighted by their areas.
     fn sum(&self, faces: &[u32]) -> DVec3 {
         faces.iter().map(|face| self.areas[*face as usize] * self.normals[*face as usize]).sum()
     }
 
+    /// Whether the normals of all faces are within a cone.
     fn are_within(&self, faces: &[u32], axis: DVec3, least: f64) -> bool {
         faces.iter().all(|face| self.normals[*face as usize].dot(axis) >= least)
     }
 
-    /// The face next to the middle of a chart.
+    /// The face nearest to the middle of a chart, within the cone of the chart's mean normal.
     fn seed_of(&self, chart: &Chart, least: f64) -> Seed {
         let area: f64 = chart.faces.iter().map(|face| self.areas[*face as usize]).sum();
         let weighted = |face: &u32| self.areas[*face as usize] * self.middles[*face as usize];
@@ -216,7 +219,7 @@ impl Faces {
         let axis = self.sum(&chart.faces).normalize_or_zero();
         let far = |face: &u32| {
             let distance = self.middles[*face as usize].distance_squared(middle);
-            // Of faces that lie alike, the one that looks along the axis.
+            // Of faces at one distance, the one whose normal is nearest to the axis.
             (2.0 - self.normals[*face as usize].dot(axis)) * distance
         };
         let within = chart.faces.iter().filter(|face| self.are_within(&[**face], axis, least));
@@ -226,13 +229,15 @@ impl Faces {
         }
     }
 
-    /// Joins charts with neighbours while all their normals are within the cone of their mean, the smallest first. Of
-    /// two that do not fit for the smaller one's sake, the larger one's faces are not read.
+    /// Joins charts with neighbours, the smallest chart first, where all normals of both are within the cone of their
+    /// mean. The neighbour with the longest common border is tried first. Faces of the smaller chart are tested first,
+    /// so a large chart is seldom read.
     fn join(&self, charts: &mut Vec<Chart>, chart_of: &mut [u32], least: f64) {
         let mut order: Vec<usize> = (0..charts.len()).collect();
         order.sort_by_key(|&chart| (charts[chart].faces.len(), chart));
         let mut sums: Vec<_> = charts.iter().map(|chart| self.sum(&chart.faces)).collect();
         for chart in order {
+            // Until it is put back or joined, the chart has no faces; `sums` always has the normals of all charts.
             let own = std::mem::take(&mut charts[chart].faces);
             let mut borders = BTreeMap::new();
             for &face in &own {
@@ -269,7 +274,7 @@ impl Faces {
         }
     }
 
-    /// Faces in groups that hang together over edges.
+    /// Divides faces into groups that are connected over edges, by breadth-first search.
     pub(super) fn parts(&self, faces: &[u32]) -> Vec<Vec<u32>> {
         let mut is_open = vec![false; self.normals.len()];
         faces.iter().for_each(|face| is_open[*face as usize] = true);

@@ -1,4 +1,4 @@
-//! Charts in the plane: seen along their axes, and cut where they would lie on themselves.
+//! Charts in the plane: projected along their axes, and cut where projections would overlap.
 
 use bokashi_render_ops::glam::{DVec2, DVec3};
 
@@ -7,26 +7,27 @@ use crate::box_tree::{Bounds, BoxTree};
 use crate::placed::Placed;
 use crate::triangle::nearest;
 
-/// A chart in the plane.
+/// A chart projected to the plane.
 pub(super) struct FlatChart {
     pub(super) faces: Vec<u32>,
-    /// The old vertices of its corners, each once.
+    /// The vertices of the mesh at its corners, each once.
     pub(super) vertices: Vec<u32>,
-    /// Where these lie, from 0 on along both axes.
+    /// The positions of these vertices in the plane. The least coordinates are 0.
     pub(super) points: Vec<DVec2>,
-    /// Its faces, by the places of their vertices.
+    /// The faces, with indices into `vertices`.
     pub(super) corners: Vec<[u32; 3]>,
-    /// How far it goes.
+    /// The largest coordinates.
     pub(super) extent: DVec2,
 }
 
-/// Faces as they are seen along an axis, z up to the eye.
-struct Seen {
+/// Faces projected along an axis: z is the height along it.
+struct ProjectedFaces {
     corners: Vec<[DVec3; 3]>,
     bounds: Vec<Bounds>,
 }
 
-/// Flat charts of `charts`. No two faces of one overlap, and those less than `reach` apart are as near in space.
+/// Projects charts to the plane, and cuts them where needed. No two faces of a flat chart overlap. Faces less than
+/// `reach` apart in the plane are also near in space.
 pub(super) fn flattened(
     charts: &[Chart],
     faces: &Faces,
@@ -35,11 +36,11 @@ pub(super) fn flattened(
     reach: f64,
 ) -> Vec<FlatChart> {
     let mut flat = Vec::new();
-    // The last is the next.
+    // A stack: a chart that is cut is replaced by its parts.
     let mut open: Vec<_> = charts.iter().rev().cloned().collect();
     while let Some(Chart { faces: all, axis }) = open.pop() {
-        let seen = Seen::new(&all, axis, placed, indices);
-        let is_kept = seen.kept(reach);
+        let projected = ProjectedFaces::new(&all, axis, placed, indices);
+        let is_kept = projected.kept(reach);
         if is_kept.iter().all(|is_kept| *is_kept) {
             flat.push(FlatChart::new(all, axis, placed, indices));
             continue;
@@ -54,23 +55,23 @@ pub(super) fn flattened(
     flat
 }
 
-/// Two axes across `axis`, which see it from its front.
+/// Two unit vectors across `axis` that are right-handed with it.
 fn across(axis: DVec3) -> [DVec3; 2] {
     let (right, up) = axis.any_orthonormal_pair();
     if right.cross(up).dot(axis) > 0.0 { [right, up] } else { [up, right] }
 }
 
-impl Seen {
+impl ProjectedFaces {
     fn new(all: &[u32], axis: DVec3, placed: &Placed, indices: &[[u32; 3]]) -> Self {
         let [right, up] = across(axis);
-        let seen = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
+        let project = |point: DVec3| DVec3::new(point.dot(right), point.dot(up), point.dot(axis));
         let corners: Vec<_> =
-            all.iter().map(|face| placed.corners(indices[*face as usize]).map(seen)).collect();
+            all.iter().map(|face| placed.corners(indices[*face as usize]).map(project)).collect();
         let bounds = corners.iter().map(|corners| Bounds::around(corners)).collect();
         Self { corners, bounds }
     }
 
-    /// Which faces stay, the first of any two that can't both.
+    /// Which faces stay in the chart: of two that do not [`fit`], the first.
     fn kept(&self, reach: f64) -> Vec<bool> {
         let tree = BoxTree::new(&self.bounds);
         let mut is_kept = vec![true; self.corners.len()];
@@ -84,8 +85,9 @@ impl Seen {
         is_kept
     }
 
-    /// Whether `is_rival` holds of a face that may not [`fit`]. Those are over or under this one, or less than `reach`
-    /// beside it and more than twice that above or below. A smooth chart has none but neighbours, however far `reach` is.
+    /// Whether `is_rival` is true of a face that may not [`fit`] with this one. Such faces overlap its projection, or
+    /// they are less than `reach` beside it and more than `2 reach` above or below it. In a smooth chart only
+    /// neighbours are tested, however large `reach` is.
     fn has_rival(
         &self,
         tree: &BoxTree,
@@ -111,12 +113,12 @@ impl Seen {
     }
 }
 
-/// Whether two faces can lie in one chart.
+/// Whether two projected faces can lie in one chart.
 fn fit(one: &[DVec3; 3], other: &[DVec3; 3], reach: f64) -> bool {
     if overlap(one, other) {
         return false;
     }
-    // Where they touch, they are as near as can be.
+    // Faces with a common corner are near in space.
     if one.iter().any(|corner| other.contains(corner)) {
         return true;
     }
@@ -131,7 +133,7 @@ fn fit(one: &[DVec3; 3], other: &[DVec3; 3], reach: f64) -> bool {
     is_near(one, other) && is_near(other, one)
 }
 
-/// Whether two counter-clockwise faces have a common inside in the plane: no edge of one has the other outside.
+/// Whether two counter-clockwise faces overlap in the plane. Convex shapes do unless an edge of one separates them.
 fn overlap(one: &[DVec3; 3], other: &[DVec3; 3]) -> bool {
     let is_between = |edges: &[DVec3; 3], points: &[DVec3; 3]| {
         (0..3).any(|k| {
@@ -152,16 +154,16 @@ impl FlatChart {
             |vertex: u32| vertices.binary_search(&vertex).map_or(NONE, |place| place as u32);
         let corners = corners.map(|face| face.map(place)).collect();
         let [right, up] = across(axis);
-        let seen = |vertex: &u32| {
+        let project = |vertex: &u32| {
             let point = placed.points[*vertex as usize];
             DVec2::new(point.dot(right), point.dot(up))
         };
-        let points: Vec<_> = vertices.iter().map(seen).collect();
+        let points: Vec<_> = vertices.iter().map(project).collect();
         let (points, extent) = upright(&points);
         Self { faces, vertices, points, corners, extent }
     }
 
-    /// Its area.
+    /// The area in the plane.
     pub(super) fn area(&self) -> f64 {
         let twice = self.corners.iter().map(|face| {
             let [a, b, c] = face.map(|vertex| self.points[vertex as usize]);
@@ -171,8 +173,8 @@ impl FlatChart {
     }
 }
 
-/// Points turned so that the box around them has the least area and is at least as high as it is wide; and the box's
-/// extent. The box has an edge of the hull of the points for a side (Freeman and Shapira 1975).
+/// Turns points so that the box around them has the least area and is at least as high as wide; also the extent of the
+/// box. A side of the least box lies along an edge of the convex hull (Freeman and Shapira 1975).
 fn upright(points: &[DVec2]) -> (Vec<DVec2>, DVec2) {
     let hull = hull(points);
     let mut best = (f64::INFINITY, DVec2::X);
@@ -194,7 +196,7 @@ fn upright(points: &[DVec2]) -> (Vec<DVec2>, DVec2) {
     (turned.into_iter().map(|point| point - low).collect(), high - low)
 }
 
-/// A point in axes of which `along`, of length 1, is the first.
+/// The coordinates of a point along the unit vector `along` and across it.
 fn turned(along: DVec2, point: DVec2) -> DVec2 {
     DVec2::new(along.dot(point), along.perp_dot(point))
 }
@@ -205,7 +207,7 @@ fn bounds(points: impl Iterator<Item = DVec2>) -> [DVec2; 2] {
     })
 }
 
-/// The convex hull, counter-clockwise (Andrew 1979).
+/// The convex hull, counter-clockwise, by Andrew's monotone chain (1979).
 fn hull(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
@@ -213,6 +215,7 @@ fn hull(points: &[DVec2]) -> Vec<DVec2> {
     let half = |points: &mut dyn Iterator<Item = DVec2>, hull: &mut Vec<DVec2>| {
         let first = hull.len();
         for point in points {
+            // A chain turns left at each of its points.
             while let [.., a, b] = hull[first..]
                 && (b - a).perp_dot(point - a) <= 0.0
             {
@@ -238,14 +241,14 @@ mod tests {
     use crate::fixtures::{Model, sphere, torus};
 
     /// The faces of a model whose normals have at least such a cosine with the z axis, seen along it.
-    fn seen(model: &Model, least: f64) -> Seen {
+    fn projected_faces(model: &Model, least: f64) -> ProjectedFaces {
         let (positions, mesh) = (model.positions(), model.mesh());
-        let placed = Placed::new("seen", &positions, &mesh).unwrap();
+        let placed = Placed::new("projected", &positions, &mesh).unwrap();
         let faces = Faces::new(&placed, &mesh);
         let all: Vec<u32> = (0..model.faces.len() as u32)
             .filter(|k| faces.normals[*k as usize].z >= least)
             .collect();
-        Seen::new(&all, DVec3::Z, &placed, &model.faces)
+        ProjectedFaces::new(&all, DVec3::Z, &placed, &model.faces)
     }
 
     #[test]
@@ -257,15 +260,15 @@ mod tests {
             sphere(6).and(sphere(5).moved(above(0.4))),
             torus(20, 10, 0.3).shaken(0.1, 7),
         ] {
-            let seen = seen(&model, 0.3);
+            let projected = projected_faces(&model, 0.3);
             for reach in [0.0, 0.01, 0.05, 0.1, 0.3, 1.0] {
                 let mut expected: Vec<bool> = Vec::new();
-                for (face, one) in seen.corners.iter().enumerate() {
-                    let mut before = seen.corners[..face].iter().zip(&expected);
+                for (face, one) in projected.corners.iter().enumerate() {
+                    let mut before = projected.corners[..face].iter().zip(&expected);
                     expected.push(before.all(|(other, stays)| !stays || fit(one, other, reach)));
                 }
                 cut += expected.iter().filter(|stays| !**stays).count();
-                assert_eq!(seen.kept(reach), expected, "{reach}");
+                assert_eq!(projected.kept(reach), expected, "{reach}");
             }
         }
         assert!(cut > 500, "{cut}");
@@ -273,18 +276,18 @@ mod tests {
 
     #[test]
     fn a_smooth_chart_has_as_many_rivals_however_far_they_reach() {
-        let seen = seen(&sphere(24), 0.6);
-        let tree = BoxTree::new(&seen.bounds);
+        let projected = projected_faces(&sphere(24), 0.6);
+        let tree = BoxTree::new(&projected.bounds);
         for reach in [0.03, 0.1, 0.5, 3.0] {
             let mut count = 0;
-            for face in 0..seen.corners.len() {
-                seen.has_rival(&tree, face, reach, |_| {
+            for face in 0..projected.corners.len() {
+                projected.has_rival(&tree, face, reach, |_| {
                     count += 1;
                     false
                 });
             }
-            let share = count as f64 / seen.corners.len() as f64;
-            assert!(share < 24.0, "{reach}: {share} each of {}", seen.corners.len());
+            let share = count as f64 / projected.corners.len() as f64;
+            assert!(share < 24.0, "{reach}: {share} each of {}", projected.corners.len());
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Texture coordinates of a surface that has none.
+//! An atlas: texture coordinates for a surface that has none.
 //!
 //! # Method
-//! The surface is cut into charts, whose normals lie within a cone. Each is seen along its axis, and cut further where
-//! it would hide itself. So a texel shows at most `1 / cos(cone)` times the area that it shows where a chart faces its
-//! axis. Charts are packed into a square with gutters around them.
+//! The surface is cut into charts, whose normals lie within a cone. Each chart is projected along its axis, and cut
+//! further where the projection would overlap. So a texel shows at most `1 / cos(cone)` times the area that it shows on
+//! a face across the axis. Charts are packed into a square with gutters around them.
 //!
 //! # Seams
-//! A sample of level k is made of texels at most `1.5 2^k` from its place along each axis. So far reach the gutters
-//! around each chart, which are copies of its border ([`TexelMap`]). Up to level [`Atlas::levels`] a sample mixes nothing
-//! of another chart in; coarser ones do.
+//! A sample of level k is made of texels at most `1.5 2^k` from its place along each axis. The gutters around each
+//! chart are that wide, and hold copies of its border ([`TexelMap`]). So up to level [`Atlas::levels`] no sample mixes
+//! two charts; coarser samples do.
 
 mod charts;
 mod flat;
@@ -31,38 +31,38 @@ use options::reach;
 use packing::{Packing, packed};
 pub use texels::TexelMap;
 
-/// The share of a texture that charts cover at least, as long as gutters can be made smaller.
+/// The least share of a texture that charts cover. Below it, gutters are made smaller as long as they can be.
 const COVERED: f64 = 0.3;
 
-/// How often charts are cut anew for larger texels, at most.
+/// The most attempts with larger texels.
 const ATTEMPTS: usize = 12;
 
-/// How much larger texels may be than they were, since charts that are cut anew need more room.
+/// The factor by which texels grow between attempts beyond what packing needs: charts that are cut anew need more room.
 const GROWN: f64 = 1.1;
 
 /// Texture coordinates of a surface.
 #[derive(Debug, Clone)]
 pub struct Atlas<T> {
-    /// `[T, 2]` from 0 to 1, u to the right and v down. Each is of one vertex.
+    /// Coordinates `[T, 2]` from 0 to 1, u to the right and v down. Each row belongs to one vertex.
     pub coordinates: Tensor<T>,
-    /// Which of them the corners of each face have.
+    /// The rows of the coordinates at the corners of each face.
     pub corners: Mesh,
-    /// The vertex of each, `T` of them.
+    /// The vertex of each of the `T` rows.
     pub vertices: Vec<u32>,
-    /// The texels along each side of the texture.
+    /// The number of texels along each side of the texture.
     pub size: usize,
     /// The coarsest level of detail at which no sample mixes charts.
     pub levels: usize,
-    /// How many charts there are.
+    /// The number of charts.
     pub charts: usize,
-    /// The chart of each face; `None` of a face without an area.
+    /// The chart of each face; `None` for a face without an area.
     pub chart_of: Vec<Option<u32>>,
 }
 
-/// Texture coordinates of the faces of `mesh` at `positions: [V, 3]`.
+/// Makes texture coordinates for the faces of `mesh` at `positions: [V, 3]`.
 ///
-/// Faces without an area lie at one place of some chart, or at (0, 0). The time grows about as the
-/// faces do, where charts seldom lie over themselves and seldom join: 200,000 faces take a second.
+/// Faces without an area lie at one place of some chart, or at (0, 0). The time is about linear in the number of faces,
+/// as long as charts seldom overlap themselves and seldom join: 200,000 faces take a second.
 ///
 /// ```
 /// use bokashi_core::Tensor;
@@ -99,13 +99,13 @@ pub fn atlas<T: Scalar>(
     let placed = Placed::new("atlas", positions, mesh)?;
     let faces = Faces::new(&placed, mesh);
     let size = options.size;
-    // No texture has more.
+    // No texture has more than 14 coarser levels.
     let mut levels = options.levels.min(14);
     let charts = faces.charts(options.cone.to_radians().cos());
     let flat = |levels: usize, texel: f64| {
         flattened(&charts, &faces, &placed, mesh.faces(), reach(levels) * texel)
     };
-    // How large texels are on the surface, at most.
+    // The largest width of a texel on the surface at which charts cover enough.
     let mut texel = (faces.area() / COVERED).sqrt() / size as f64;
     while levels > 0 {
         let charts = flat(levels, texel);
@@ -139,13 +139,13 @@ impl<T: Scalar> Atlas<T> {
         let (mut coordinates, mut vertices) = (Vec::new(), Vec::new());
         let mut corners = vec![[NONE; 3]; mesh.faces().len()];
         let mut chart_of = vec![None; mesh.faces().len()];
-        // Of each vertex coordinates that it has.
+        // A row of the coordinates of each vertex.
         let mut some_of = vec![NONE; mesh.vertex_count()];
         for ((chart, corner), number) in charts.iter().zip(&packing.corners).zip(0..) {
             let first = vertices.len() as u32;
             for (vertex, point) in chart.vertices.iter().zip(&chart.points) {
                 let at = (*corner + *point * packing.scale) / size as f64;
-                // Seen from the front a texture is not mirrored: v runs down.
+                // v runs down, so that the front of a face shows the texture unmirrored.
                 let at = DVec2::new(at.x, 1.0 - at.y).clamp(DVec2::ZERO, DVec2::ONE);
                 coordinates.extend(at.to_array().map(T::from_f64));
                 some_of[*vertex as usize] = vertices.len() as u32;

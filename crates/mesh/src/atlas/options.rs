@@ -1,26 +1,27 @@
-//! What is asked of an atlas.
+//! Options of an atlas.
 
 use bokashi_core::TensorError;
 
 /// The longest side of a texture, in texels.
 const MOST_TEXELS: usize = 1 << 14;
 
-/// How [`atlas`](crate::atlas()) makes texture coordinates.
+/// Options of [`atlas`](crate::atlas()).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct AtlasOptions {
-    /// The texels along each side of the texture, from 1 to 2^14. Levels of detail lie evenly where it is a power of two.
+    /// The number of texels along each side of the texture, from 1 to 2^14. With a power of two, texels of all levels
+    /// of detail align.
     pub size: usize,
-    /// The coarsest level of detail at which no sample mixes charts, 2 by default. Each doubles the gutters. Where charts
-    /// would then cover less than three tenths of the texture, the atlas has fewer.
+    /// The coarsest level of detail at which no sample mixes charts, 2 by default. Each level doubles the gutters. The
+    /// atlas has fewer levels where charts would cover less than three tenths of the texture.
     pub levels: usize,
-    /// How far normals of a chart's faces are from the chart's, in degrees: 50 at most by default, and below 90. The
-    /// smaller, the more charts there are, and the more even are their texels.
+    /// The largest angle between a face's normal and its chart's axis, in degrees: 50 by default, and below 90. With a
+    /// smaller angle there are more charts, and their texels have more equal areas.
     pub cone: f64,
 }
 
 impl AtlasOptions {
-    /// Those of a texture with so many texels along each side.
+    /// Options for a texture with `size` texels along each side.
     pub const fn new(size: usize) -> Self {
         Self { size, levels: 2, cone: 50.0 }
     }
@@ -46,10 +47,10 @@ pub(super) fn check_size(operation: &'static str, size: usize) -> Result<(), Ten
     Err(TensorError::Value { operation, rule: "a size from 1 to 2^14".into(), value: size as f64 })
 }
 
-/// How far from a point lie the texels that its samples of `level` are made of, in texels of level 0 along each axis.
+/// The distance along each axis, in texels of level 0, within which lie all texels that a sample of `level` is made of.
 ///
-/// A bilinear sample is made of texels of the level whose middles are less than one of their sides away, and each
-/// reaches half a side further.
+/// A bilinear sample reads texels of its level whose middles are less than one side away. Each of them reaches half a
+/// side further.
 pub(super) fn reach(level: usize) -> f64 {
     1.5 * (1_u64 << level.min(32)) as f64
 }

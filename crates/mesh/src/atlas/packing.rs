@@ -1,7 +1,7 @@
 //! Charts side by side in a square.
 //!
-//! The highest come first. Each goes where it lies lowest on those before, with its own outline below and above, and
-//! leftmost of such places. The scale is the largest of a bisection at which all have room.
+//! The highest charts come first. Each is dropped on the horizon of those before, at the place where it lies lowest,
+//! and leftmost of such places. A bisection finds the largest scale at which all charts have room.
 //!
 //! # Source
 //! Lévy et al., *Least Squares Conformal Maps for Automatic Texture Atlas Generation*, SIGGRAPH 2002, section 4.
@@ -10,23 +10,23 @@ use bokashi_render_ops::glam::DVec2;
 
 use super::flat::FlatChart;
 
-/// Outlines have at most so many columns: more cost time and gain little room.
+/// The most columns of a horizon: more cost time and gain little room.
 const COLUMNS: usize = 512;
-/// Halvings of the scale's range.
+/// The number of steps of the bisection.
 const HALVINGS: usize = 12;
 
 /// Where charts lie in a texture.
 pub(super) struct Packing {
-    /// Texels per unit of the charts.
+    /// The number of texels per unit of the charts.
     pub(super) scale: f64,
-    /// Where each chart's least coordinates lie, in texels.
+    /// The place of each chart's least coordinates, in texels.
     pub(super) corners: Vec<DVec2>,
 }
 
-/// The outlines of a chart, per column of blocks: from where, and up to where.
-struct Outline {
-    below: Vec<usize>,
-    above: Vec<usize>,
+/// The horizons of a chart: its lowest and its highest blocks, per column.
+struct Horizons {
+    bottom: Vec<usize>,
+    top: Vec<usize>,
     height: usize,
 }
 
@@ -38,16 +38,16 @@ impl Packing {
     }
 }
 
-/// The charts in a texture of `size` by `size` texels, each `reach` texels from its border; `None` where that has no
-/// room for them.
+/// Packs charts into a texture of `size` by `size` texels. Each chart has a gutter of `reach` texels. `None` where the
+/// texture has no room for them.
 pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Packing> {
     // In blocks, so that the work does not grow with the texture.
     let block = size.div_ceil(COLUMNS);
     let blocks = size / block;
     let at = |scale: f64| {
-        let outlines: Vec<_> =
-            charts.iter().map(|it| Outline::new(it, scale, reach, block)).collect();
-        let places = placed(&outlines, blocks)?;
+        let horizons: Vec<_> =
+            charts.iter().map(|it| Horizons::new(it, scale, reach, block)).collect();
+        let places = placed(&horizons, blocks)?;
         let corner = |place: [usize; 2]| {
             DVec2::from_array(place.map(|place| (place * block) as f64)) + reach
         };
@@ -56,7 +56,7 @@ pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Pa
     if charts.is_empty() {
         return at(f64::INFINITY);
     }
-    // Neither is the texture smaller than all charts together, nor narrower than one with its gutters.
+    // The scale is bounded: charts cover at most the whole texture, and the longest fits in with its gutters.
     let area: f64 = charts.iter().map(FlatChart::area).sum();
     let longest = charts.iter().fold(0.0, |most: f64, chart| most.max(chart.extent.max_element()));
     let most = (size as f64 / area.sqrt()).min((size as f64 - 2.0 * reach) / longest);
@@ -75,52 +75,54 @@ pub(super) fn packed(charts: &[FlatChart], size: usize, reach: f64) -> Option<Pa
     best
 }
 
-impl Outline {
+impl Horizons {
     fn new(chart: &FlatChart, scale: f64, reach: f64, block: usize) -> Self {
         let blocks = |texels: f64| texels / block as f64;
         let extent = (chart.extent * scale + 2.0 * reach) / block as f64;
         let [width, height] = [extent.x, extent.y].map(|length| (length.ceil() as usize).max(1));
-        let (mut below, mut above) = (vec![height; width], vec![0; width]);
+        let (mut bottom, mut top) = (vec![height; width], vec![0; width]);
         for face in &chart.corners {
             let corners = face.map(|vertex| chart.points[vertex as usize] * scale);
             let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
             let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max) + 2.0 * reach;
             let last = (blocks(high.x).ceil() as usize).clamp(1, width);
             let first = (blocks(low.x) as usize).min(last - 1);
-            let (bottom, top) =
+            let (lowest, highest) =
                 (blocks(low.y) as usize, (blocks(high.y).ceil() as usize).min(height));
             for column in first..last {
-                below[column] = below[column].min(bottom);
-                above[column] = above[column].max(top);
+                bottom[column] = bottom[column].min(lowest);
+                top[column] = top[column].max(highest);
             }
         }
-        Self { below, above, height }
+        Self { bottom, top, height }
     }
 }
 
-/// The places of outlines in a square of so many blocks, in their order.
-fn placed(outlines: &[Outline], blocks: usize) -> Option<Vec<[usize; 2]>> {
-    let mut order: Vec<usize> = (0..outlines.len()).collect();
-    order.sort_by_key(|&k| (std::cmp::Reverse(outlines[k].height), k));
-    let mut ground = vec![0; blocks];
-    let mut places = vec![[0; 2]; outlines.len()];
+/// Where charts lie in a square of so many blocks, in their order; `None` where it has no room for them.
+fn placed(charts: &[Horizons], blocks: usize) -> Option<Vec<[usize; 2]>> {
+    let mut order: Vec<usize> = (0..charts.len()).collect();
+    order.sort_by_key(|&k| (std::cmp::Reverse(charts[k].height), k));
+    // The horizon of all charts so far.
+    let mut horizon = vec![0; blocks];
+    let mut places = vec![[0; 2]; charts.len()];
     for k in order {
-        let Outline { below, above, height } = &outlines[k];
+        let Horizons { bottom, top, height } = &charts[k];
+        // In each column `y + bottom >= horizon`, so y is the largest difference.
         let lowest = |x: usize| {
-            let rise = ground[x..]
+            let rise = horizon[x..]
                 .iter()
-                .zip(below)
-                .map(|(ground, below): (&usize, _)| ground.saturating_sub(*below));
+                .zip(bottom)
+                .map(|(horizon, bottom): (&usize, _)| horizon.saturating_sub(*bottom));
             rise.max().unwrap_or(0)
         };
-        let columns = 0..(blocks + 1).checked_sub(below.len())?;
+        let columns = 0..(blocks + 1).checked_sub(bottom.len())?;
         let (y, x) = columns.map(|x| (lowest(x), x)).min()?;
         if y + height > blocks {
             return None;
         }
-        for (ground, above) in ground[x..].iter_mut().zip(above) {
+        for (horizon, top) in horizon[x..].iter_mut().zip(top) {
             // A column that the chart leaves out stays as it is.
-            *ground = (*ground).max(if *above > 0 { y + above } else { 0 });
+            *horizon = (*horizon).max(if *top > 0 { y + top } else { 0 });
         }
         places[k] = [x, y];
     }

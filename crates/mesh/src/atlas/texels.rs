@@ -1,30 +1,31 @@
-//! Which point of a surface each texel shows.
+//! The point of a surface that each texel shows.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 
 use super::options::check_size;
 use crate::error::MeshError;
-use crate::triangle::{nearest, repeats_a_vertex};
+use crate::triangle::nearest;
 
 /// A point of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
     face: u32,
     weights: [f64; 3],
-    /// The square of how far the texel's middle is from it, in texels.
+    /// The squared distance from the texel's middle, in texels.
     distance: f64,
 }
 
-/// Texels of a square texture, and the points of faces that they show.
+/// The points of faces that the texels of a square texture show.
 ///
-/// A texel less than its diagonal from a face has a point of its own: that of all faces next to its middle. No other
-/// texel counts in bilinear samples on faces. Each of the others is a copy of one next to it that has a point, so that
-/// coarse levels of detail mix nothing else in.
+/// A texel whose middle is less than a diagonal from a face shows the point of all faces nearest to its middle.
+/// Bilinear samples on faces read no other texels. Each other texel is a copy of the nearest texel that shows a point.
+/// So coarse levels of detail mix only colours of the surface.
 #[derive(Debug, Clone)]
 pub struct TexelMap {
     size: usize,
@@ -33,8 +34,8 @@ pub struct TexelMap {
 }
 
 impl TexelMap {
-    /// That of a texture of `size` by `size` texels on faces with these texture coordinates: `coordinates: [T, 2]`, and
-    /// which of them the corners of each face have. A million texels take about a second.
+    /// Maps a texture of `size` by `size` texels to faces with the texture coordinates `coordinates: [T, 2]`, whose
+    /// rows `corners` names for each face. A million texels take about a second.
     ///
     /// # Errors
     /// [`TensorError::Value`] for a size that is not from 1 to 2^14, and for coordinates that are not finite;
@@ -74,7 +75,7 @@ impl TexelMap {
         Ok(map)
     }
 
-    /// Gives texels near a face points of it, where none is nearer.
+    /// Gives texels near a face the nearest points of it, where no other face was nearer. A diagonal has the square 2.
     fn put(&mut self, face: u32, corners: [DVec3; 3]) {
         let low = corners[0].min(corners[1]).min(corners[2]) - 2.0;
         let high = corners[0].max(corners[1]).max(corners[2]) + 2.0;
@@ -92,7 +93,7 @@ impl TexelMap {
         }
     }
 
-    /// Finds the texels that the others are copies of, ring by ring around those with a point.
+    /// Finds the texels to copy from, by breadth-first search from all texels that show a point.
     fn fill(&mut self) {
         let size = self.size as isize;
         let mut sources: Vec<u32> = (0..self.places.len() as u32).collect();
@@ -101,7 +102,7 @@ impl TexelMap {
             sources.iter().copied().filter(|texel| is_filled[*texel as usize]).collect();
         while let Some(texel) = open.pop_front() {
             let [row, column] = [texel as isize / size, texel as isize % size];
-            // Those that share a side first.
+            // Texels that share a side come before those that share a corner.
             for [down, right] in
                 [[-1, 0], [0, -1], [0, 1], [1, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]
             {
@@ -118,27 +119,28 @@ impl TexelMap {
         self.sources = sources.into();
     }
 
-    /// The texels along each side.
+    /// The number of texels along each side.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// The texel that each is a copy of, row by row: itself, where it has a point.
+    /// The texel of which each texel is a copy, row by row. A texel that shows a point is its own source.
     pub fn sources(&self) -> &Arc<[u32]> {
         &self.sources
     }
 
-    /// The face that a texel shows, and the barycentric coordinates of the point of it; `None` of a copy.
+    /// The face that a texel shows, and the barycentric coordinates of the point. `None` for a copy.
     pub fn point(&self, row: usize, column: usize) -> Option<(u32, [f64; 3])> {
         let place = self.places[row * self.size + column]?;
         Some((place.face, place.weights))
     }
 
-    /// The texels `[S, S, C]` that show `values: [V, C]` at the vertices of `mesh`, which has the faces of the map. They
-    /// are zeros where no face has an area.
+    /// Bakes `values: [V, C]` at the vertices of `mesh`, whose faces are those of the map, into texels `[S, S, C]`.
+    /// Texels are zeros where no face has an area.
     ///
     /// # Errors
-    /// [`TensorError::Shape`] unless there is a row for each vertex; [`TensorError::Value`] for another number of faces.
+    /// [`TensorError::Shape`] unless there is a row for each vertex; [`TensorError::Value`] for another number of
+    /// faces.
     pub fn bake<T: Scalar>(&self, values: &Tensor<T>, mesh: &Mesh) -> Result<Tensor<T>, MeshError> {
         let &[rows, columns] = &**values.shape() else {
             return Err(self.refused(values, mesh));

@@ -1,4 +1,4 @@
-//! How far two clouds of points are from each other.
+//! The Chamfer distance of two clouds of points.
 //!
 //! # Forward
 //! `D = 1/n sum_i |x_i - y_j(i)|^q + 1/m sum_j |y_j - x_i(j)|^q`, each point with the nearest one of the other cloud;
@@ -24,19 +24,19 @@ use bokashi_core::{Scalar, TensorError, Var, mean_squared_error};
 use super::nearest::nearest_of;
 use crate::error::MeshError;
 
-/// What of two points' distance is summed.
+/// The distance between two points that a sum adds up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PointDistance {
-    /// The distance.
+    /// The Euclidean distance.
     Euclidean,
-    /// Its square.
+    /// The square of the Euclidean distance.
     Squared,
 }
 
 /// The Chamfer distance of clouds `x: [n, 3]` and `y: [m, 3]`, a scalar.
 ///
-/// It is the mean distance from a point of one cloud to the nearest one of the other, summed over both ways. Distances
-/// are squared or not, as `distance` says. It is differentiable with respect to both clouds.
+/// Each point of a cloud has a distance to the nearest point of the other cloud, squared or not as `distance` says. The
+/// means of these distances over `x` and over `y` are added. The sum is differentiable with respect to both clouds.
 ///
 /// # Errors
 /// `TensorError::Shape` unless the shapes are these, with n and m from 1 up; `TensorError::Value` for a number that

@@ -1,4 +1,4 @@
-//! Nearest points: of a cloud, and on a surface.
+//! The nearest points of a cloud, and on a surface.
 
 use bokashi_core::parallel::write_each;
 use bokashi_core::{Scalar, Tensor, TensorError};
@@ -13,18 +13,18 @@ use crate::triangle;
 /// Queries in one piece of work.
 const PER_PIECE: usize = 1 << 8;
 
-/// For each query the nearest of some points.
+/// The nearest point to each query, by its index, and its distance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NearestPoints {
-    /// The index of the point; of several at one distance the lowest.
+    /// The index of the nearest point; of several at one distance the lowest.
     pub indices: Vec<u32>,
-    /// How far it is away.
+    /// The distance to the nearest point.
     pub distances: Vec<f64>,
 }
 
-/// For each of `queries: [n, 3]` the nearest of `points: [m, 3]`, found in a tree of boxes.
+/// Finds for each of `queries: [n, 3]` the nearest of `points: [m, 3]`, in a tree of boxes.
 ///
-/// Distances are compared in `f64`, squared. Points of any size are told apart, since they are scaled first.
+/// Squared distances are compared in `f64`. Coordinates are scaled first, so points of any size are told apart.
 ///
 /// # Errors
 /// `TensorError::Shape` unless the shapes are these, and m is at least 1; `TensorError::Value` for a number that is
@@ -62,8 +62,8 @@ pub(super) fn nearest_of<T: Scalar>(
     Ok(NearestPoints { indices: found.into_iter().map(|(index, _)| index).collect(), distances })
 }
 
-/// For each of `queries: [n, 3]` the nearest point on the surface of `mesh` with vertices `positions: [V, 3]`, and how
-/// far it is away. Of faces at one distance it is on the one with the lowest index. Faces without an area count as
+/// Finds for each of `queries: [n, 3]` the nearest point on the surface of `mesh` with vertices `positions: [V, 3]`,
+/// and its distance. Of faces at one distance the one with the lowest index is taken. Faces without an area count as
 /// the edges or points that they are.
 ///
 /// # Errors

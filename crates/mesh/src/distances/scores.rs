@@ -1,4 +1,4 @@
-//! Numbers that say how like each other two surfaces are, without gradients.
+//! Scores of how alike two surfaces are, without gradients.
 
 use bokashi_core::{Scalar, Tensor, TensorError};
 use bokashi_render_ops::Mesh;
@@ -10,14 +10,14 @@ use crate::error::MeshError;
 use crate::placed::Placed;
 use crate::triangle::area_vector;
 
-/// How many points of two clouds are near the other cloud.
+/// The F-score of a cloud of points against the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FScore {
     /// The share of found points that are near a true one.
     pub precision: f64,
     /// The share of true points that are near a found one.
     pub recall: f64,
-    /// Their harmonic mean, or 0 where both are.
+    /// The harmonic mean of precision and recall, or 0 where both are 0.
     pub score: f64,
 }
 
@@ -48,7 +48,7 @@ pub fn f_score<T: Scalar>(
     Ok(FScore { precision, recall, score })
 }
 
-/// How alike the normals of two surfaces are, from 0 to 1.
+/// The normal consistency of two surfaces, from 0 to 1.
 ///
 /// `count` points are drawn on one surface. The normal n at each is compared with the normal m at the nearest point of
 /// the other surface, by `|n . m|`. The result is the mean over these points and as many drawn on the other surface.
@@ -74,7 +74,7 @@ pub fn normal_consistency<T: Scalar>(
 
 const NORMALS: &str = "normal_consistency";
 
-/// A surface, and the unit normals of its faces, all of which have an area.
+/// A surface whose faces all have an area, with their unit normals.
 struct Oriented<'a, T> {
     positions: &'a Tensor<T>,
     mesh: Mesh,

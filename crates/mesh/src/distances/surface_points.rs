@@ -1,7 +1,8 @@
-//! Points on a surface: where each lies does not change as the surface moves, so each moves along.
+//! Points that keep their faces and barycentrics, and so move along with a surface.
 
 use std::sync::Arc;
 
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError, Var};
 use bokashi_render_ops::Mesh;
 
@@ -11,7 +12,7 @@ use crate::triangle::area_vector;
 
 /// Points on the faces of a mesh, each with the face on which it lies and its barycentrics there.
 ///
-/// A composition of a sparse matrix and what stands at vertices: positions, colours, normals.
+/// A sparse matrix makes values at the points of values at the vertices: positions, colours, normals.
 #[derive(Debug, Clone)]
 pub struct SurfacePoints<T: Scalar> {
     faces: Arc<[u32]>,
@@ -20,7 +21,7 @@ pub struct SurfacePoints<T: Scalar> {
 }
 
 impl<T: Scalar> SurfacePoints<T> {
-    /// The points with these barycentrics on these faces of `mesh`.
+    /// Makes points of faces of `mesh` and barycentrics there.
     pub(super) fn new(
         faces: Vec<u32>,
         barycentrics: Vec<[f64; 3]>,
@@ -55,8 +56,8 @@ impl<T: Scalar> SurfacePoints<T> {
         &self.matrix
     }
 
-    /// What stands at the points, `[n, C]`, of what stands at the vertices, `[V, C]`: the points themselves, of
-    /// positions. It is differentiable with respect to these.
+    /// Interpolates values at the vertices, `[V, C]`, at the points: `[n, C]`. Positions of vertices give the points
+    /// themselves. The result is differentiable with respect to the values.
     ///
     /// # Errors
     /// `TensorError::Shape` unless there is a row for each vertex of the mesh.
@@ -74,10 +75,10 @@ impl<T: Scalar> SurfacePoints<T> {
     }
 }
 
-/// `count` points on the surface of `mesh` with vertices `positions: [V, 3]`, drawn uniformly by area.
+/// Draws `count` points on the surface of `mesh` with vertices `positions: [V, 3]`, uniformly by area.
 ///
-/// They are stratified: the k-th lies in the k-th of `count` equal shares of the area, in the order of the faces. The
-/// same seed gives the same points, on every machine.
+/// The draw is stratified: point k lies in the k-th of `count` equal shares of the area, in the order of the faces. The
+/// same seed gives the same points on every machine.
 ///
 /// # Errors
 /// `TensorError::Shape` unless the positions are `[V, 3]`; `TensorError::Value` for one that is not finite;
@@ -116,7 +117,7 @@ pub fn draw_points<T: Scalar>(
     Ok(SurfacePoints::new(faces, barycentrics, mesh)?)
 }
 
-/// Steele, Lea and Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014: SplitMix64.
+/// The generator SplitMix64.
 struct Random {
     state: u64,
 }
@@ -124,10 +125,7 @@ struct Random {
 impl Random {
     /// A number from 0 up, below 1.
     fn uniform(&mut self) -> f64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.state;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ bits >> 31) >> 11) as f64 / (1_u64 << 53) as f64
+        self.state = self.state.wrapping_add(GOLDEN);
+        (mixed(self.state) >> 11) as f64 / (1_u64 << 53) as f64
     }
 }

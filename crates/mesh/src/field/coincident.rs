@@ -1,9 +1,9 @@
-//! Vertices at one place, and faces without an area between them, dropped without opening the surface.
+//! Merges vertices at one place, and drops faces without an area, without opening the surface.
 //!
-//! Where the field is 0 at a point of the grid, all vertices of its edges stand at this point. An edge between two of
-//! them is collapsed where the surface stays what it is. That is so where the links of its ends meet in the link of
-//! the edge alone. The others stay, with their faces: to drop them would pinch the surface at the point, or tear it.
-//! A tetrahedron at one point, which has no volume, is dropped.
+//! Where the field is 0 at a point of the grid, the vertices of all its edges stand at this point. An edge between two
+//! of them is collapsed where the topology stays the same: the links of its ends meet in the link of the edge alone.
+//! Other edges stay with their faces, since collapses would pinch or tear the surface. A tetrahedron of vertices at one
+//! point has no volume and is dropped.
 //!
 //! The vertex that stays is the one with the lower number. A border counts as the link to a vertex beyond.
 //!
@@ -13,12 +13,13 @@
 use smallvec::SmallVec;
 
 use crate::derived_mesh::kept_part;
+use crate::groups::Groups;
 use crate::triangle::other_corners;
 
 /// A vertex beyond the border.
 const BEYOND: u32 = u32::MAX;
 
-/// The edges of faces whose ends stand at one place, once each, the lower end first.
+/// The edges of faces with both ends at one place, each once and with the lower end first.
 pub(super) fn coincident_edges<T: PartialEq>(
     faces: &[[u32; 3]],
     vertices: &[[T; 3]],
@@ -31,8 +32,8 @@ pub(super) fn coincident_edges<T: PartialEq>(
     edges
 }
 
-/// Collapses `edges`, those of [`coincident_edges`], as far as the surface allows. Returns which vertices are left,
-/// and the faces, with the places of their vertices in this list.
+/// Collapses `edges`, those of [`coincident_edges`], as far as the topology allows. Returns the vertices that are left,
+/// and the faces, with indices into this list.
 pub(super) fn collapse(
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
@@ -56,21 +57,10 @@ struct Surface {
     faces: Vec<[u32; 3]>,
     /// By vertex: its faces.
     stars: Vec<SmallVec<[u32; 8]>>,
-    /// By vertex: the one that it was merged into, perhaps itself.
-    merged: Vec<u32>,
-    /// By vertex: the lowest one that edges between vertices at its place lead to.
-    places: Vec<u32>,
-}
-
-/// Where a chain of vertices ends.
-fn last_of(chain: &mut [u32], vertex: u32) -> u32 {
-    let mut at = vertex;
-    while chain[at as usize] != at {
-        let next = chain[at as usize];
-        chain[at as usize] = chain[next as usize];
-        at = next;
-    }
-    at
+    /// Vertices that were merged: the lowest of a group is left.
+    merged: Groups,
+    /// Vertices at one place, as far as edges lead.
+    places: Groups,
 }
 
 impl Surface {
@@ -79,16 +69,13 @@ impl Surface {
         for (number, face) in (0..).zip(&faces) {
             face.iter().for_each(|&vertex| stars[vertex as usize].push(number));
         }
-        let mut places: Vec<_> = (0..vertex_count as u32).collect();
-        for edge in edges {
-            let [a, b] = edge.map(|end| last_of(&mut places, end));
-            places[a.max(b) as usize] = a.min(b);
-        }
-        Self { faces, stars, merged: (0..vertex_count as u32).collect(), places }
+        let mut places = Groups::new(vertex_count);
+        edges.iter().for_each(|&[a, b]| places.join(a, b));
+        Self { faces, stars, merged: Groups::new(vertex_count), places }
     }
 
-    /// The edges around a vertex: of each of its faces the one that it faces. On a border they go on from both ends to
-    /// the vertex beyond.
+    /// The link of a vertex: the edges of its faces that it faces. On a border the chain of these edges continues from
+    /// both ends to [`BEYOND`].
     fn link(&self, vertex: u32) -> Vec<[u32; 2]> {
         let star = &self.stars[vertex as usize];
         let across = |&face: &u32| {
@@ -103,9 +90,9 @@ impl Surface {
         link
     }
 
-    /// Whether nothing is left to do for an edge, since it was collapsed, now or with others.
+    /// Whether an edge is done: it is collapsed now, or was with others. Otherwise it is tried again later.
     fn is_settled(&mut self, edge: [u32; 2]) -> bool {
-        let [a, b] = edge.map(|end| last_of(&mut self.merged, end));
+        let [a, b] = edge.map(|end| self.merged.first(end));
         let (kept, gone) = (a.min(b), a.max(b));
         if kept == gone || self.stars[kept as usize].is_empty() {
             return true;
@@ -134,7 +121,7 @@ impl Surface {
 
     /// Drops a tetrahedron that is a part of its own, if its vertices stand at one place.
     fn drops_tetrahedron(&mut self, vertices: [u32; 4]) -> bool {
-        let places = vertices.map(|vertex| last_of(&mut self.places, vertex));
+        let places = vertices.map(|vertex| self.places.first(vertex));
         let is_apart = vertices.iter().all(|&vertex| self.stars[vertex as usize].len() == 3);
         if !is_apart || places.iter().any(|&place| place != places[0]) {
             return false;
@@ -149,7 +136,7 @@ impl Surface {
 
     /// Merges a vertex into another one.
     fn merge(&mut self, kept: u32, gone: u32) {
-        self.merged[gone as usize] = kept;
+        self.merged.join(kept, gone);
         for face in std::mem::take(&mut self.stars[gone as usize]) {
             let corners = self.faces[face as usize];
             if !corners.contains(&kept) {

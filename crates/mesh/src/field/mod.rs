@@ -1,19 +1,18 @@
 //! The surface on which a field is 0, as a triangle mesh: marching tetrahedra.
 //!
 //! # Forward
-//! A point of the grid lies inside where its number is below 0, as a signed distance is; 0 lies outside. Each cell
-//! is split into six tetrahedra (`tetrahedra`). A vertex stands on each edge of the grid whose ends lie on two sides,
-//! where a linear function along the edge is 0 (`vertices`). Faces turn their front to the outside.
+//! A point of the grid is inside where its value is below 0, as for a signed distance; 0 is outside. Each cell is split
+//! into six tetrahedra (`tetrahedra`). An edge of the grid with one end inside has a vertex, where a linear function
+//! along the edge is 0 (`vertices`). The fronts of faces are outside.
 //!
 //! # Backward
-//! Vertices give to the field and to the positions of the grid's points (`vertices`), summed by point in wide
-//! numbers. What no vertex touches is not visited.
+//! Gradients of vertices are summed over their edges' ends, in wide numbers (`vertices`). Points without such an edge
+//! are not visited.
 //!
 //! # Where it is not smooth
-//! Which edges are crossed steps as a number of the field changes its sign: there faces come and go. A vertex is then
-//! at the point itself, so the surface moves without a jump. Where it is exactly there, vertices of several edges
-//! coincide. They are merged as far as the surface stays a manifold (`coincident`). A merged vertex moves along the
-//! first of its edges.
+//! Faces come and go where a value of the field changes its sign. The vertices of the point's edges are then at the
+//! point itself, so the surface moves without a jump. At a value of exactly 0 they coincide, and are merged as far as
+//! the surface stays a manifold (`coincident`). A merged vertex moves along the first of its edges.
 //!
 //! # By hand
 //! A composition gathers the ends of the edges, and writes some ten arrays of the size of the surface. A step of
@@ -41,37 +40,36 @@ use self::vertices::Points;
 use crate::error::MeshError;
 use crate::grid::Grid;
 
-/// Points of the grid in one piece of work.
+/// The number of points of the grid in one piece of work.
 const POINTS_PER_PIECE: usize = 1 << 15;
 
 /// A surface on a tape.
 #[derive(Debug, Clone)]
 pub struct FieldSurface<'t, T: Scalar> {
-    /// The positions of its vertices: `[V, 3]`.
+    /// The positions of the vertices, `[V, 3]`.
     pub positions: Var<'t, T>,
-    /// Its faces, with their fronts outside.
+    /// The faces, with their fronts outside.
     pub mesh: Mesh,
-    /// The edge of the grid that each vertex stands on: the index of the end inside, then that of the other.
+    /// The edge of the grid on which each vertex lies: the index of its inner end, then of its outer end.
     pub edges: Vec<[u32; 2]>,
 }
 
-/// The surface on which `field` is 0: a number at each point of `grid`, `[nx, ny, nz]` or `[P]`, below 0 inside.
-/// `offsets: [P, 3]` move the points of the grid. The mesh goes into `rasterize` as any other.
+/// The surface on which `field` is 0. The field has a value at each point of `grid`, `[nx, ny, nz]` or `[P]`, below 0
+/// inside. `offsets: [P, 3]` move the points of the grid.
 ///
-/// A surface that does not reach the grid's border is closed. At the border it is open. It is a manifold everywhere. A
-/// field without a change of sign has an empty surface. Numbers that are exactly 0 count as outside. There vertices
-/// coincide, and faces without an area are dropped unless that would tear or pinch the surface.
+/// The surface is a manifold. It is closed where it does not reach the grid's border, and open there. A field without a
+/// change of sign has an empty surface. Values of exactly 0 count as outside. There vertices coincide, and faces
+/// without an area are dropped unless that would tear or pinch the surface.
 ///
 /// Offsets along an axis below a sixth of the spacing leave every tetrahedron its orientation; larger ones may fold
 /// the surface.
 ///
-/// The field alone is visited where nothing changes sign, a bit for each point; a gradient is 0 there. A mesh is made
-/// in each step.
+/// Where nothing changes sign only the signs of the field are read, and its gradient is 0. Each call makes a new mesh.
 ///
 /// # Errors
-/// `TensorError::Shape` is for a field or offsets of another shape. [`MeshError::FieldValue`] is for a number of the
-/// field that is not finite. [`MeshError::PointPosition`] is for offsets that are not, or lead out of the range of
-/// the numbers. `RenderError::MeshSize` is for 2^31 vertices or faces and more.
+/// `TensorError::Shape` for a field or offsets of another shape; [`MeshError::FieldValue`] for a value of the field
+/// that is not finite; [`MeshError::PointPosition`] for offsets that are not finite, or that lead out of the range of
+/// the numbers; `RenderError::MeshSize` for 2^31 vertices or faces and more.
 #[inline(never)]
 pub fn field_surface<'t, T: Scalar>(
     field: Var<'t, T>,
@@ -128,11 +126,11 @@ struct OfField {
     grid: Grid,
 }
 
-/// The surface.
+/// The surface, for the backward pass.
 #[derive(Debug)]
 struct Saved<T> {
     mesh: Option<Mesh>,
-    /// The ends of the edge of each vertex, the one inside first.
+    /// The edge of the grid on which each vertex lies, the inner end first.
     edges: Vec<[u32; 2]>,
     vertices: Vec<[T; 3]>,
 }
@@ -180,7 +178,7 @@ impl<T: Scalar> Saved<T> {
         Ok(())
     }
 
-    /// Leaves out all but some vertices.
+    /// Keeps the vertices with these indices alone.
     fn keep(&mut self, kept: &[u32]) {
         self.edges = kept.iter().map(|&vertex| self.edges[vertex as usize]).collect();
         self.vertices = kept.iter().map(|&vertex| self.vertices[vertex as usize]).collect();

@@ -1,11 +1,11 @@
-//! On which side of the surface each point lies, a bit for each, and which edges of the grid cross it.
+//! The signs of a field, a bit for each point of the grid, and the edges of the grid that cross the surface.
 //!
-//! A cube is split along its diagonal into six tetrahedra. So a point is the lower end of up to seven edges. They
-//! lead to the corners `d` of the cell above it, `d` from 1 to 7. Bit 4 of `d` is a step along x, bit 2 along y, bit
-//! 1 along z. A word has the bits of 64 points along z, so that 64 cells are compared at once.
+//! A cube is split along its diagonal into six tetrahedra. So a point is the lower end of up to seven edges. Edges lead
+//! to the corners `d` of the cell above the point, with `d` from 1 to 7. Bit 4 of `d` is a step along x, bit 2 along y,
+//! bit 1 along z. A word has the bits of 64 points along z, so that 64 cells are compared at once.
 //!
-//! Vertices are numbered by word, then by `d`, then by point. So the number of a vertex is that of the first one
-//! of its word and `d`, and a count of bits.
+//! Vertices are numbered by word, then by `d`, then by point. So the number of a vertex is the number of the first
+//! vertex of its word and `d`, plus a count of bits.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,24 +15,24 @@ use bokashi_core::parallel::{for_each_piece_mut, write_each};
 use crate::error::MeshError;
 use crate::grid::Grid;
 
-/// Points of a word.
+/// The number of points in a word.
 pub(super) const POINTS: usize = 64;
 
-/// Words in one piece of work.
+/// The number of words in one piece of work.
 const WORDS_PER_PIECE: usize = 1 << 9;
 
-/// Directions of edges from their lower end.
+/// The number of directions of edges from their lower end.
 pub(super) const DIRECTIONS: usize = 7;
 
 /// The signs of a field.
 #[derive(Debug)]
 pub(super) struct Signs {
     pub(super) shape: [usize; 3],
-    /// Words in a row along z.
+    /// The number of words in a row along z.
     pub(super) words: usize,
-    /// By row and word: which points lie inside. Bits beyond the row are 0.
+    /// By row and word: a bit for each point inside. Bits beyond the row are 0.
     inside: Vec<u64>,
-    /// By row, word and direction: the number of the first vertex there; and how many there are in all.
+    /// By row, word and direction: the number of the first vertex. The last entry is the number of all vertices.
     starts: Vec<u32>,
 }
 
@@ -50,7 +50,7 @@ impl Signs {
         write_each(&mut inside, WORDS_PER_PIECE, |at| {
             let (row, first) = (at / words, at % words * POINTS);
             let values = &field[row * nz..][first..nz.min(first + POINTS)];
-            // Without a branch for each number.
+            // Without a branch for each value, so that the loop is vectorized.
             let (mut bits, mut all) = (0, true);
             for (k, value) in values.iter().enumerate() {
                 bits |= u64::from(*value < T::ZERO) << k;
@@ -68,7 +68,7 @@ impl Signs {
         Err(MeshError::FieldValue { point: grid.place(point), value: field[point].to_f64() })
     }
 
-    /// Numbers the vertices, and returns how many there are.
+    /// Numbers the vertices, and returns their number: counts by word and direction, then an exclusive prefix sum.
     pub(super) fn number(&mut self) -> u64 {
         let mut starts = std::mem::take(&mut self.starts);
         starts.clear();
@@ -92,7 +92,7 @@ impl Signs {
         sum
     }
 
-    /// The row of points one step further along x and y, as the bits of `direction` say.
+    /// The row of points one step further along x and y, by the bits of `direction`. `None` beyond the grid.
     pub(super) fn row_beside(&self, row: usize, direction: usize) -> Option<usize> {
         let [nx, ny, _] = self.shape;
         let [along_x, along_y] = [direction >> 2 & 1, direction >> 1 & 1];
@@ -100,7 +100,7 @@ impl Signs {
         is_there.then_some(row + along_x * ny + along_y)
     }
 
-    /// The bits of a word; where `is_shifted`, those of the points above its own along z.
+    /// The bits of a word. With `is_shifted`, each point has the bit of the next point along z.
     pub(super) fn word(&self, row: usize, word: usize, is_shifted: bool) -> u64 {
         let at = row * self.words + word;
         if !is_shifted {
@@ -110,13 +110,13 @@ impl Signs {
         self.inside[at] >> 1 | next
     }
 
-    /// Which bits of a word are points; where `is_shifted`, that have a point above them.
+    /// The bits of a word that are points. With `is_shifted`, those with a next point along z.
     pub(super) fn valid(&self, word: usize, is_shifted: bool) -> u64 {
         let left = self.shape[2] - word * POINTS - usize::from(is_shifted);
         if left < POINTS { (1 << left) - 1 } else { u64::MAX }
     }
 
-    /// At which points of the word `at` the surface crosses the edge in `direction`.
+    /// The points of the word `at` whose edge in `direction` crosses the surface: its ends have other bits.
     fn crossed(&self, at: usize, direction: usize) -> u64 {
         let (row, word) = (at / self.words, at % self.words);
         let is_shifted = direction & 1 == 1;
@@ -124,14 +124,15 @@ impl Signs {
         (self.inside[at] ^ self.word(other, word, is_shifted)) & self.valid(word, is_shifted)
     }
 
-    /// The number of the vertex on the edge in `direction` from a point, which the surface crosses.
+    /// The number of the vertex on the edge in `direction` from point `k` of a row. The edge must cross the surface.
     pub(super) fn vertex(&self, row: usize, k: usize, direction: usize) -> u32 {
         let at = row * self.words + k / POINTS;
         let before = self.crossed(at, direction) & ((1 << (k % POINTS)) - 1);
         self.starts[at * DIRECTIONS + direction - 1] + before.count_ones()
     }
 
-    /// The vertices of the words of a range of rows, in their order: the two ends of each edge, the one inside first.
+    /// The edges of a range of rows that cross the surface, in the order of their vertices, each with the inner end
+    /// first.
     pub(super) fn crossed_edges(&self, rows: std::ops::Range<usize>) -> Vec<[u32; 2]> {
         let [_, ny, nz] = self.shape;
         let words = rows.start * self.words..rows.end * self.words;
@@ -158,7 +159,7 @@ impl Signs {
     }
 }
 
-/// Which bits of a word are set.
+/// The indices of the bits of a word that are set, from the lowest.
 pub(super) fn bits(mut word: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = word.trailing_zeros() as usize;

@@ -1,12 +1,12 @@
 //! The faces inside the tetrahedra of a cell.
 //!
-//! A cube is split into six tetrahedra, one for each order of the axes (Kuhn 1960). Each goes from corner 0 along one
-//! axis, then along a second one, and ends in corner 7. The diagonals of a side that two cubes share are one in both,
-//! so faces fit each other across cells.
+//! A cube is split into six tetrahedra, one for each order of the axes (Kuhn 1960). The corners of each are corner 0, a
+//! step along one axis, a further step along a second one, and corner 7. Two cubes split a common side along the same
+//! diagonal, so faces fit across cells.
 //!
-//! In a tetrahedron the surface is one triangle where one corner lies apart from the others, and two where two do.
-//! Each edge of a triangle lies on a side of the tetrahedron, and the tetrahedron beyond has it, too. So surfaces
-//! are closed but at the grid's border, and manifold.
+//! In a tetrahedron the surface is one triangle where one corner is apart from the others, and two triangles where two
+//! are. Each edge of a triangle lies on a side of the tetrahedron, and the next tetrahedron has the same edge. So
+//! surfaces are manifold, and closed but at the grid's border.
 
 use super::signs::{Signs, bits};
 
@@ -18,8 +18,7 @@ const TETRAHEDRA: [[usize; 4]; 6] =
 /// The corners of each edge of a tetrahedron, the lower one first.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
-/// By the corners that lie inside, a bit for each: the edges at which the triangles have their corners, with the
-/// outside in front.
+/// The triangles by a bit for each corner inside. A triangle has its corners on three edges, and the outside in front.
 const TRIANGLES: [&[[usize; 3]]; 16] = [
     &[],
     &[[0, 1, 2]],
@@ -53,6 +52,7 @@ pub(super) fn faces(signs: &Signs, layers: std::ops::Range<usize>) -> Vec<[u32; 
                 let [all, some] = [corners.iter().fold(u64::MAX, |all, corner| all & corner), {
                     corners.iter().fold(0, |some, corner| some | corner)
                 }];
+                // A cell has faces where some corners are inside and not all: 64 cells at once.
                 for bit in bits(some & !all & signs.valid(word, true)) {
                     let inside = corners.map(|corner| (corner >> bit & 1) as usize);
                     add_cell(signs, &rows, word * super::signs::POINTS + bit, inside, &mut faces);

@@ -1,10 +1,10 @@
-//! Where the surface crosses an edge of the grid, and what the field and the grid's points get back from there.
+//! The points at which the surface crosses edges of the grid, and the gradients of the field and of the grid's points.
 //!
 //! # Forward
-//! With `a` the end inside and `b` the one outside, `f_a < 0 <= f_b`, and `r = f_b / f_a`: `w_b = 1 / (1 - r)`,
+//! Let `a` be the inner end and `b` the outer one, `f_a < 0 <= f_b`, and `r = f_b / f_a`. Then `w_b = 1 / (1 - r)`,
 //! `w_a = -r w_b`, and `p = w_a p_a + w_b p_b`. That is `(p_a f_b - p_b f_a) / (f_b - f_a)`, without a product that
-//! could overflow. It is reckoned from the nearer end. So a vertex at a point stands exactly there, and one on a
-//! plane of the grid exactly in it.
+//! could overflow. The vertex is an offset from the nearer end. So a vertex at a point of the grid is exactly
+//! there. A vertex on an edge in a plane of the grid is exactly in that plane.
 //!
 //! # Backward
 //! With `g = p_bar . (p_b - p_a)` and `s = f_a - f_b`, which is negative: `f_bar_a += g w_a / s`,
@@ -16,10 +16,10 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::error::MeshError;
 use crate::grid::Grid;
 
-/// Vertices in one piece of work.
+/// The number of vertices in one piece of work.
 const PER_PIECE: usize = 1 << 11;
 
-/// What stands at the points of a grid.
+/// The values and offsets at the points of a grid.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Points<'a, T> {
     pub(super) grid: &'a Grid,
@@ -30,7 +30,7 @@ pub(super) struct Points<'a, T> {
 }
 
 impl<T: Scalar> Points<'_, T> {
-    /// Where a point stands.
+    /// The position of a point, with its offset.
     fn position(&self, point: u32) -> [T::Wide; 3] {
         let point = point as usize;
         let position = self.grid.position(point).map(T::Wide::from_f64);
@@ -39,12 +39,12 @@ impl<T: Scalar> Points<'_, T> {
         [0, 1, 2].map(|axis| position[axis] + offset[axis].widen())
     }
 
-    /// The shares of the ends of an edge in its vertex.
+    /// The weights `[w_a, w_b]` of the ends of an edge in its vertex.
     fn weights(&self, edge: [u32; 2]) -> [T::Wide; 2] {
         let [inside, outside] = edge.map(|end| self.field[end as usize].widen());
         let ratio = outside / inside;
         let weight = T::Wide::ONE / (T::Wide::ONE - ratio);
-        // The quotient of the smallest number and the largest one is none.
+        // The quotient of the largest number and the smallest one is infinite.
         let other = if ratio.is_finite() { -ratio * weight } else { T::Wide::ONE };
         [other, weight]
     }
@@ -87,13 +87,13 @@ impl<T: Scalar> Points<'_, T> {
         Err(self.misplaced(end.unwrap_or(edges[wrong][0]) as usize))
     }
 
-    /// The error of a point that stands nowhere.
+    /// The error of a point whose position is not finite.
     fn misplaced(&self, point: usize) -> MeshError {
         let position = self.position(point as u32).map(|x| T::narrow(x).to_f64());
         MeshError::PointPosition { point: self.grid.place(point), position }
     }
 
-    /// Adds to the gradient of the field.
+    /// Adds to the gradient of the field: `f_bar_a`, `f_bar_b`.
     pub(super) fn pull_back_field(
         &self,
         edges: &[[u32; 2]],
@@ -110,7 +110,7 @@ impl<T: Scalar> Points<'_, T> {
         });
     }
 
-    /// Adds to the gradient of the offsets.
+    /// Adds to the gradient of the offsets: `p_bar_a`, `p_bar_b`.
     pub(super) fn pull_back_offsets(
         &self,
         edges: &[[u32; 2]],
@@ -123,8 +123,8 @@ impl<T: Scalar> Points<'_, T> {
         });
     }
 
-    /// Adds up what vertices give to the ends of their edges, `N` numbers to each, in the order of the vertices.
-    /// Layers of points along x are on their own: the edges of a layer start in it or in the one below.
+    /// Adds the terms of all vertices to the ends of their edges, `N` numbers to each, in the order of the vertices.
+    /// Each layer of points along x is a piece of work: its edges start in it or in the layer below.
     fn add_by_point<const N: usize>(
         &self,
         edges: &[[u32; 2]],
@@ -151,6 +151,7 @@ impl<T: Scalar> Points<'_, T> {
                     }
                 }
             }
+            // A sum is added where its point is met first; then it is 0.
             for k in near.flat_map(|vertex| edges[vertex]).filter_map(own) {
                 let sum = std::mem::replace(&mut sums[k], [T::Wide::ZERO; N]);
                 bar[k].iter_mut().zip(sum).for_each(|(bar, sum)| *bar += T::narrow(sum));

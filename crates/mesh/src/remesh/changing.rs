@@ -1,38 +1,39 @@
-//! A mesh under way: which faces stand at each vertex, and the three changes of it.
+//! A mesh that changes: its faces, the faces at each vertex, and three changes of it: split, collapse and flip.
 //!
-//! These change what is connected, without a look at shapes. Each keeps the Euler characteristic and the number
-//! of parts, given an [`Edge`] and what its own comment asks for.
+//! The changes rewire faces without a look at shapes. Each keeps the Euler characteristic and the number of parts, if
+//! it is given an [`Edge`] and its own conditions hold.
 
 use bokashi_render_ops::Mesh;
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
 
 use super::surface::{Around, Site, Surface};
 use crate::box_tree::{Bounds, BoxTree};
-use crate::triangle::{other_corners, repeats_a_vertex};
+use crate::triangle::other_corners;
 
-/// Stands for no vertex: the corners of a face that is gone.
+/// Stands for no vertex and no face. A face that was removed has three such corners.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What may be done to a vertex.
+/// Which changes a vertex allows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Its faces form one ring: it may move and vanish.
+    /// The faces form one ring: the vertex may move and vanish.
     Free,
-    /// Its faces form one fan, at a boundary: it may vanish along the boundary.
-    Rim,
-    /// It stays: at a seam, at an edge of three faces, at faces that are no fan.
+    /// The faces form one fan at a boundary: the vertex may vanish along the boundary.
+    Boundary,
+    /// The vertex stays. It lies at a seam, at an edge of three faces, or its faces are no fan.
     Fixed,
 }
 
 /// An edge of one face, or of two that run through it in opposite directions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Edge {
-    /// The first face runs from the first end to the second.
+    /// The vertices at the ends. The first face runs from the first to the second.
     pub(super) ends: [u32; 2],
-    /// The second is [`NONE`] at a boundary.
+    /// The faces of the edge. The second is [`NONE`] at a boundary.
     pub(super) faces: [u32; 2],
-    /// The corners that face the edge.
+    /// The vertex of each face that is no end of the edge.
     pub(super) across: [u32; 2],
 }
 
@@ -41,34 +42,34 @@ impl Edge {
         self.faces[1] == NONE
     }
 
-    /// The faces, and the corners that face the edge.
+    /// The one or two faces of the edge, each with its vertex across.
     pub(super) fn sides(&self) -> impl Iterator<Item = (u32, u32)> {
         self.faces.into_iter().zip(self.across).filter(|(face, _)| *face != NONE)
     }
 }
 
-/// The mesh.
+/// The mesh that changes.
 #[derive(Debug)]
 pub(super) struct Changing<'a> {
     pub(super) surface: Surface<'a>,
-    /// The length that is asked for at each old vertex.
+    /// The target length of edges at each old vertex.
     lengths: Vec<f64>,
-    /// Per vertex: where on the old surface, its position, the length asked for, what may be done to it.
+    /// By vertex: its point of the old surface, its position, the target length of its edges, the changes it allows.
     pub(super) sites: Vec<Site>,
     pub(super) points: Vec<DVec3>,
     pub(super) targets: Vec<f64>,
     pub(super) kinds: Vec<Kind>,
-    /// Whether the surface ends at a vertex.
+    /// By vertex: whether the surface ends there.
     pub(super) ends_at: Vec<bool>,
     pub(super) around: Around,
     seams: Vec<SmallVec<[u32; 2]>>,
-    /// Three times [`NONE`] where a face is gone.
+    /// The faces. One that was removed is three times [`NONE`].
     pub(super) faces: Vec<[u32; 3]>,
-    /// The number of faces that are not gone.
+    /// The number of faces that were not removed.
     pub(super) live: usize,
-    /// The boxes of the faces, if they are kept apart.
+    /// The boxes of the faces, where changes must not let faces cross.
     pub(super) tree: Option<BoxTree>,
-    /// The number of faces that were not gone when the tree was made.
+    /// The number `live` when the tree was built.
     planted: usize,
 }
 
@@ -89,7 +90,7 @@ impl<'a> Changing<'a> {
         }
         let mut fans: Vec<_> =
             (0..points.len() as u32).map(|vertex| fan(vertex, faces, surface.around())).collect();
-        // What names a vertex twice is kept, and so are its vertices.
+        // Faces that name a vertex twice are kept, and so are their vertices.
         let twice = faces.iter().filter(|face| repeats_a_vertex(**face));
         twice.flatten().for_each(|&vertex| fans[vertex as usize].0 = Kind::Fixed);
         let kind = |((kind, _), seams): (&(Kind, bool), &SmallVec<[u32; 2]>)| {
@@ -118,20 +119,20 @@ impl<'a> Changing<'a> {
         face.map(|vertex| self.points[vertex as usize])
     }
 
-    /// The length that is asked for at a place of the old surface.
+    /// The target length of edges at a point of the old surface: the barycentric mean of those at its corners.
     pub(super) fn target_at(&self, site: Site) -> f64 {
         let weights = self.surface.weights(site);
         weights.iter().map(|&(vertex, weight)| weight * self.lengths[vertex as usize]).sum()
     }
 
-    /// How long an edge is, over how long it should be; the shorter of its ends' lengths counts.
+    /// The length of an edge over its target, the smaller of the targets at its ends.
     #[inline]
     pub(super) fn relative_length(&self, a: u32, b: u32) -> f64 {
         let [i, j] = [a as usize, b as usize];
         self.points[i].distance(self.points[j]) / self.targets[i].min(self.targets[j])
     }
 
-    /// All edges, each once or twice, the lower vertex first, in the order of the faces.
+    /// Calls `found` with all edges in the order of the faces, each once or twice, with the lower vertex first.
     pub(super) fn for_each_edge(&self, mut found: impl FnMut(u32, u32)) {
         for &[a, b, c] in self.faces.iter().filter(|face| !repeats_a_vertex(**face)) {
             for [from, to] in [[a, b], [b, c], [c, a]] {
@@ -144,14 +145,16 @@ impl<'a> Changing<'a> {
         }
     }
 
-    /// The edge between two vertices, unless there is none, or three faces have it, or two that run through it
-    /// in one direction.
+    /// Two vertices, the one with fewer faces first: an edge between them is found there at the least cost.
+    pub(super) fn by_faces(&self, [a, b]: [u32; 2]) -> [u32; 2] {
+        let has_fewer = self.around[a as usize].len() <= self.around[b as usize].len();
+        if has_fewer { [a, b] } else { [b, a] }
+    }
+
+    /// The edge between two vertices. `None` where no face has it, where three faces do, and where two faces run
+    /// through it in one direction.
     pub(super) fn edge(&self, a: u32, b: u32) -> Option<Edge> {
-        let [least, other] = if self.around[a as usize].len() <= self.around[b as usize].len() {
-            [a, b]
-        } else {
-            [b, a]
-        };
+        let [least, other] = self.by_faces([a, b]);
         let mut edge = Edge { ends: [a, b], faces: [NONE; 2], across: [NONE; 2] };
         for &index in &self.around[least as usize] {
             let face = self.faces[index as usize];
@@ -177,12 +180,12 @@ impl<'a> Changing<'a> {
         self.seams[a as usize].contains(&b)
     }
 
-    /// The corner of a face after and before `vertex`.
+    /// The vertices of a face after and before `vertex`.
     pub(super) fn other_corners(&self, face: u32, vertex: u32) -> [u32; 2] {
         other_corners(self.faces[face as usize], vertex)
     }
 
-    /// Moves a vertex to a place of the old surface.
+    /// Moves a vertex to a point of the old surface, which gives it another target length.
     pub(super) fn place(&mut self, vertex: u32, site: Site, point: DVec3) {
         let target = self.target_at(site);
         let vertex = vertex as usize;
@@ -201,7 +204,15 @@ impl<'a> Changing<'a> {
         self.around[vertex as usize].retain(|it| *it != face);
     }
 
-    /// Puts a new vertex on an edge, and returns it.
+    /// Puts a new vertex m on an edge, and returns it.
+    ///
+    /// ```text
+    ///   c             c
+    ///  / \           /|\
+    /// a---b   -->   a-m-b      a face that has a keeps it; a new face has b
+    ///  \ /           \|/
+    ///   d             d
+    /// ```
     pub(super) fn split(&mut self, edge: &Edge, site: Site, point: DVec3) -> u32 {
         let [a, b] = edge.ends;
         let middle = self.points.len() as u32;
@@ -212,7 +223,7 @@ impl<'a> Changing<'a> {
         self.ends_at.push(edge.is_boundary());
         self.kinds.push(match (is_seam, edge.is_boundary()) {
             (true, _) => Kind::Fixed,
-            (false, true) => Kind::Rim,
+            (false, true) => Kind::Boundary,
             (false, false) => Kind::Free,
         });
         self.around.push(SmallVec::new());
@@ -225,7 +236,6 @@ impl<'a> Changing<'a> {
             }
         }
         for (face, across) in edge.sides() {
-            // The old face keeps a, the new one has b.
             let added = self.faces.len() as u32;
             self.faces.push(self.faces[face as usize]);
             self.replace(face, b, middle);
@@ -244,10 +254,11 @@ impl<'a> Changing<'a> {
         middle
     }
 
-    /// Joins the end `gone` of an edge with the other, which is moved.
+    /// Joins the end `gone` of an edge with its other end, which moves to `point`. The faces of the edge are removed.
     ///
-    /// No vertex but those across the edge may be a neighbour of both ends, and these need two faces left, or
-    /// one at a boundary. `gone` has no seam.
+    /// # Conditions
+    /// Only the vertices across the edge are neighbours of both ends. Each of them keeps two faces, or one at a
+    /// boundary. `gone` has no seam.
     pub(super) fn collapse(&mut self, edge: &Edge, gone: u32, site: Site, point: DVec3) {
         let [a, b] = edge.ends;
         let kept = if gone == a { b } else { a };
@@ -277,7 +288,15 @@ impl<'a> Changing<'a> {
         }
     }
 
-    /// Turns an edge of two faces within them. Those across must not be neighbours yet.
+    /// Flips an edge of two faces f and g. The vertices across must not be neighbours yet.
+    ///
+    /// ```text
+    ///   c             c
+    ///  /f\           /|\
+    /// a---b   -->   af|gb
+    ///  \g/           \|/
+    ///   d             d
+    /// ```
     pub(super) fn flip(&mut self, edge: &Edge) {
         let ([a, b], [f, g], [c, d]) = (edge.ends, edge.faces, edge.across);
         self.replace(f, b, d);
@@ -289,7 +308,7 @@ impl<'a> Changing<'a> {
         [f, g].into_iter().for_each(|face| self.note_face(face));
     }
 
-    /// Tells the tree that the faces at a vertex have changed.
+    /// Gives the tree the boxes of the faces at a vertex, after they have changed.
     pub(super) fn note(&mut self, vertex: u32) {
         for k in 0..self.around[vertex as usize].len() {
             self.note_face(self.around[vertex as usize][k]);
@@ -303,7 +322,7 @@ impl<'a> Changing<'a> {
         }
     }
 
-    /// Makes the tree anew.
+    /// Builds the tree anew.
     pub(super) fn plant(&mut self) {
         let bounds = |face: &[u32; 3]| {
             if repeats_a_vertex(*face) {
@@ -318,9 +337,11 @@ impl<'a> Changing<'a> {
     }
 }
 
-/// What may be done to a vertex by its faces alone, and whether the surface ends there.
+/// The changes that the faces at a vertex allow, and whether the surface ends there.
 fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
-    // Each face as a step from the corner after the vertex to the one before.
+    // A face (vertex, p, q) is a step from p to q around the vertex. Steps of a ring close, and those of a fan go from
+    // a start that no step ends at. So with one start or none, and no vertex met twice, it is enough to count the steps
+    // of a walk: all of them, or there is more than one ring.
     let own = around[vertex as usize].iter();
     let mut steps: SmallVec<[[u32; 2]; 8]> =
         own.map(|&face| other_corners(faces[face as usize], vertex)).collect();
@@ -344,7 +365,7 @@ fn fan(vertex: u32, faces: &[[u32; 3]], around: &Around) -> (Kind, bool) {
     }
     let is_one = walked == steps.len();
     let kind = match (is_one, ends_at) {
-        (true, true) => Kind::Rim,
+        (true, true) => Kind::Boundary,
         (true, false) if steps.len() > 2 => Kind::Free,
         _ => Kind::Fixed,
     };

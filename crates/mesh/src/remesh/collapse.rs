@@ -1,4 +1,4 @@
-//! Edges that are too short, collapsed.
+//! Collapses of edges that are too short.
 
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
@@ -11,8 +11,8 @@ use super::surface::Site;
 /// Shorter edges are collapsed.
 const SHORTEST: f64 = 4.0 / 5.0;
 
-/// Edges shorter than this follow powers of two of their lengths, and then their indices: neighbours, which stand side by
-/// side in memory, come one after another.
+/// Edges shorter than this are sorted by the power of two of their length, and then by their indices. So edges that are
+/// neighbours in memory come one after another.
 const TINY: f64 = 0.25;
 
 /// Passes over all short edges: what a pass moves may make others short.
@@ -21,17 +21,17 @@ const PASSES: usize = 8;
 /// The least cosine between the edges of a boundary at a vertex that may vanish: 30 degrees.
 const STRAIGHT: f64 = 0.866;
 
-/// The vertex that vanishes, the one that is kept, and where that goes.
+/// The vertex that vanishes, the vertex that is kept, and the point to which it moves.
 type Way = (u32, u32, (Site, DVec3));
 
-/// What edges are sorted by: the shortest come first, but for [`TINY`] ones.
+/// The key by which edges are sorted: by length, but for [`TINY`] ones.
 fn order(length: f64) -> u64 {
     let bits = length.to_bits();
     if length < TINY { bits >> 52 << 52 } else { bits }
 }
 
 impl Changing<'_> {
-    /// Collapses edges that are shorter than 4/5 of what is asked for, in their [`order`].
+    /// Collapses edges that are shorter than 4/5 of their target length, in their [`order`].
     pub(super) fn collapse_short_edges(&mut self) {
         for _ in 0..PASSES {
             let mut short = Vec::new();
@@ -66,7 +66,7 @@ impl Changing<'_> {
         let at = |vertex: u32| (self.sites[vertex as usize], self.points[vertex as usize]);
         let may_vanish = |vertex: u32, other: u32| match self.kinds[vertex as usize] {
             Kind::Free => !edge.is_boundary(),
-            Kind::Rim => edge.is_boundary() && self.is_straight(edge, vertex, other),
+            Kind::Boundary => edge.is_boundary() && self.is_straight(edge, vertex, other),
             Kind::Fixed => false,
         };
         let mut ways: SmallVec<[Way; 3]> = SmallVec::new();
@@ -87,8 +87,8 @@ impl Changing<'_> {
         false
     }
 
-    /// The link condition: no vertex but those across is a neighbour of both ends, and no edge but those at them
-    /// faces both. A face that is alone with its boundary stays.
+    /// Whether a collapse keeps the topology (the link condition). Only the vertices across may be neighbours of both
+    /// ends, and no other edge may face both ends. A face whose edges are all at a boundary stays.
     ///
     /// # Source
     /// Dey, Edelsbrunner, Guha and Nekhayev, *Topology preserving edge contraction*, 1999.
@@ -117,7 +117,7 @@ impl Changing<'_> {
         !(faces_both(a) && faces_both(b))
     }
 
-    /// Whether the boundary goes straight on at `vertex`, at the end of one of its edges.
+    /// Whether the boundary is [`STRAIGHT`] at `vertex`, between the edge to `other` and the next one.
     fn is_straight(&self, edge: &Edge, vertex: u32, other: u32) -> bool {
         let along = |from: u32, to: u32| {
             (self.points[to as usize] - self.points[from as usize]).normalize_or_zero()
@@ -131,7 +131,8 @@ impl Changing<'_> {
         beyond.next().is_some_and(|it| along(it, vertex).dot(along(vertex, other)) >= STRAIGHT)
     }
 
-    /// Whether the faces around both ends stay well when the ends meet at `point`.
+    /// Whether the ends of an edge may meet at `point`. The faces around them must stay within the limits of `guard`,
+    /// and no edge may become so long that it would be split.
     fn may_join(&self, edge: &Edge, gone: u32, kept: u32, (site, point): (Site, DVec3)) -> bool {
         let target = self.target_of(kept, site);
         let (mut proposals, mut faces) = (Proposals::new(), SmallVec::<[u32; 16]>::new());
@@ -167,7 +168,7 @@ impl Changing<'_> {
         self.allows(&faces, &proposals)
     }
 
-    /// The length asked for at `vertex` when it is moved to `site`.
+    /// The target length at `vertex` after it is moved to `site`.
     fn target_of(&self, vertex: u32, site: Site) -> f64 {
         if site == self.sites[vertex as usize] {
             self.targets[vertex as usize]

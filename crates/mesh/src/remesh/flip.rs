@@ -1,4 +1,4 @@
-//! Edges flipped: toward six edges at each vertex, and four at a boundary.
+//! Flips of edges, toward six edges at each vertex, and four at a boundary.
 
 use bokashi_render_ops::glam::DVec3;
 
@@ -12,7 +12,7 @@ const PASSES: usize = 8;
 /// The least cosine between normals of the faces after a flip and those before: a flip over a crease would cut it.
 const FLAT: f64 = 0.866;
 
-/// How much better the worse of two faces has to become by a flip that leaves the valences as good as they were.
+/// The least ratio of the worse quality after a flip and before it, where the flip makes valences no better.
 const GAIN: f64 = 1.05;
 
 impl Changing<'_> {
@@ -37,20 +37,21 @@ impl Changing<'_> {
         }
     }
 
-    /// Whether an edge of two faces may flip and should.
+    /// Whether the flip of an edge of two faces is allowed and gains something.
     fn may_flip(&self, edge: &Edge) -> bool {
         let ([a, b], [c, d]) = (edge.ends, edge.across);
         if c == d || self.is_seam(a, b) {
             return false;
         }
-        // How far valences are from what they should be; a flip takes one from a and b, and adds one to c and d.
+        // The faces at a vertex beyond the six (or three) of a regular mesh. A flip takes one from a and b, and adds
+        // one to c and d.
         let excess = |vertex: u32| {
             let faces = self.around[vertex as usize].len() as i64;
             if self.ends_at[vertex as usize] { faces - 3 } else { faces - 6 }
         };
         let ends = excess(a) + excess(b);
         let across = excess(c) + excess(d);
-        // The change of the sum of squares, halved: (x - 1)^2 - x^2 = 1 - 2 x.
+        // The change of the sum of squares of the excess, halved: (x - 1)^2 - x^2 = 1 - 2 x, (x + 1)^2 - x^2 = 1 + 2 x.
         let change = 2 - ends + across;
         if change > 0 {
             return false;
@@ -72,12 +73,9 @@ impl Changing<'_> {
         self.allows(&edge.faces, &[proposal(0), proposal(1)])
     }
 
+    /// Whether an edge lies between two vertices.
     fn are_neighbors(&self, a: u32, b: u32) -> bool {
-        let [least, other] = if self.around[a as usize].len() <= self.around[b as usize].len() {
-            [a, b]
-        } else {
-            [b, a]
-        };
+        let [least, other] = self.by_faces([a, b]);
         self.around[least as usize].iter().any(|face| self.faces[*face as usize].contains(&other))
     }
 }

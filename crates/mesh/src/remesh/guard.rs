@@ -1,4 +1,4 @@
-//! What a change of the mesh must not do: turn a face over, make a sliver, let faces cross.
+//! Limits of every change of the mesh: no face turns over, no sliver is made, no more faces cross.
 
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
@@ -14,25 +14,25 @@ const LEAST_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// The least quality of a new face, where the old ones were better.
 const LEAST_QUALITY: f64 = 0.2;
 
-/// A vertex of more faces waits until flips have left it fewer: all pairs of its faces are looked at when it moves.
+/// A vertex with more faces does not move until flips have left it fewer: a move compares all pairs of its faces.
 pub(super) const MOST_FACES: usize = 64;
 
 /// A face of a lower quality has no normal to speak of.
 const NEEDLE: f64 = 1e-6;
 
-/// A face as it would be.
+/// A face as a change would leave it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Proposal {
     pub(super) face: [u32; 3],
     pub(super) points: [DVec3; 3],
-    /// The face that it comes from.
+    /// The present face from which it comes.
     pub(super) old: u32,
 }
 
 pub(super) type Proposals = SmallVec<[Proposal; 12]>;
 
 impl Changing<'_> {
-    /// Whether the faces `gone` may become the proposed ones.
+    /// Whether the faces `gone` may be replaced by the proposed ones.
     pub(super) fn allows(&self, gone: &[u32], proposals: &[Proposal]) -> bool {
         let old = |face: u32| self.corners(self.faces[face as usize]);
         let mut worst = f64::INFINITY;
@@ -65,7 +65,7 @@ impl Changing<'_> {
         crossings > self.crossings(gone, &old.collect::<Proposals>())
     }
 
-    /// How many pairs of proposed faces cross, and of one of them and another face.
+    /// The number of crossing pairs: of two proposed faces, or of a proposed face and one that is not in `gone`.
     fn crossings(&self, gone: &[u32], proposals: &[Proposal]) -> usize {
         let Some(tree) = &self.tree else { return 0 };
         let bounds: SmallVec<[Bounds; 12]> =
@@ -96,7 +96,7 @@ impl Changing<'_> {
     }
 }
 
-/// Whether two faces look the same way.
+/// Whether the normal of a face turns by less than 45 degrees. A needle has no normal to keep.
 pub(super) fn keeps_normal(old: [DVec3; 3], new: [DVec3; 3]) -> bool {
     let [before, after] = [old, new].map(area_vector);
     before.dot(after) >= LEAST_COSINE * (before.length() * after.length()) || quality(old) < NEEDLE

@@ -1,25 +1,25 @@
-//! Remeshing: edges split, collapsed and flipped until they have the lengths that are asked for.
+//! Remeshing: splits, collapses and flips of edges until they have about their target lengths.
 //!
 //! # Method
-//! Each iteration splits edges longer than 4/3 of their length, and collapses those shorter than 4/5. It flips edges
+//! Each iteration splits edges longer than 4/3 of their target, and collapses those shorter than 4/5. It flips edges
 //! toward six at each vertex, or four at a boundary, and moves vertices along the surface. Every vertex is a point of
-//! the old surface: a face and barycentric coordinates. A vertex that is made or moved goes to the point that a walk
-//! over the old faces finds next to it.
+//! the old surface: a face and barycentric coordinates. A walk over the old faces finds the point for a vertex that is
+//! made or moved.
 //!
 //! # What is kept
-//! - The Euler characteristic and the parts. What is closed stays closed. (The link condition of a collapse; no flip
-//!   onto an edge that exists.)
-//! - Boundaries. Their vertices never leave them, and vanish only where a boundary runs straight, to 30 degrees.
-//!   Vertices that lie at one place, as at a texture seam, are boundaries: their sides may part. Join them first.
+//! - The Euler characteristic and the parts; closed surfaces stay closed. (A collapse meets the link condition, and a
+//!   flip makes no edge that exists.)
+//! - Boundaries. Their vertices never leave them, and vanish only where a boundary bends by less than 30 degrees.
+//!   Vertices that lie at one place, as at a texture seam, are boundaries: the two sides may part. Join them first.
 //! - Seams of the [`Mesh`]: they are split, but neither collapsed nor flipped, and their vertices stay.
 //! - Edges of three faces and more, and of two that run through them in one direction.
 //! - Vertices at which faces meet that share no edge, and vertices without a face.
 //! - Faces that name a vertex twice.
-//! - The sides of faces: no change turns a normal by more than 45 degrees, or makes a sliver of better faces.
+//! - The fronts of faces: no change turns a normal by more than 45 degrees, or makes a sliver of better faces.
 //! - With [`keeps_apart`](RemeshOptions::keeps_apart) no change lets more faces cross than before.
 //!
-//! Work is done one edge after another, in the order of lengths and indices, on one thread. Of edges to
-//! collapse that are shorter than a quarter, powers of two of their lengths count.
+//! One thread changes one edge after another, in the order of lengths and indices. Edges shorter than a quarter of
+//! their target are collapsed in the order of powers of two of their lengths.
 //!
 //! # Source
 //! Botsch and Kobbelt, *A Remeshing Approach to Multiresolution Modeling*, SGP 2004; lengths per vertex as in
@@ -100,7 +100,7 @@ pub fn remesh<T: Scalar>(
 }
 
 impl Changing<'_> {
-    /// The mesh without what is gone.
+    /// The mesh without the faces and vertices that were removed.
     fn finish<T: Scalar>(&self, positions: &Tensor<T>) -> Result<DerivedMesh<T>, MeshError> {
         let old_count = positions.shape()[0];
         // A vertex without a proper face was there before, or has vanished.

@@ -1,41 +1,40 @@
-//! How a mesh is remeshed.
+//! Options of remeshing.
 
 use bokashi_core::TensorError;
 
-/// How long edges should be, in units of the positions.
+/// Target lengths of edges, in units of the positions.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EdgeLengths {
-    /// All alike.
+    /// One length for all edges.
     Uniform(f64),
-    /// One for each old vertex; between them, as barycentric coordinates blend it. Of an edge's ends the
-    /// shorter counts.
+    /// A length for each old vertex, interpolated over its faces. The smaller length at the ends of an edge counts.
     PerVertex(Vec<f64>),
 }
 
-/// How [`remesh`](crate::remesh()) changes a mesh.
+/// Options of [`remesh`](crate::remesh()).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RemeshOptions {
-    /// How long edges should be.
+    /// The target lengths of edges.
     pub lengths: EdgeLengths,
-    /// How often all edges are split, collapsed and flipped: 5.
+    /// The number of rounds in which all edges are split, collapsed and flipped; 5 by default.
     pub iterations: usize,
-    /// Whether vertices move along the surface, which makes faces more regular: they do. Where they don't, most
-    /// old vertices that are kept stay where they are.
+    /// Whether vertices move along the surface, which makes faces more regular; true by default. If not, most old
+    /// vertices that are kept stay where they are.
     pub moves_vertices: bool,
-    /// Whether changes that let faces cross are left out: they are.
+    /// Whether changes that let faces cross are left out; true by default.
     pub keeps_apart: bool,
-    /// Edges are split only while there are fewer faces: 2^20.
+    /// The number of faces from which on no edge is split; 2^20 by default.
     pub most_faces: usize,
 }
 
 impl RemeshOptions {
-    /// Toward edges of one length.
+    /// Options with one length for all edges.
     pub fn uniform(length: f64) -> Self {
         Self::new(EdgeLengths::Uniform(length))
     }
 
-    /// Toward edges of a length per old vertex.
+    /// Options with a length for each old vertex.
     pub fn adaptive(lengths: Vec<f64>) -> Self {
         Self::new(EdgeLengths::PerVertex(lengths))
     }

@@ -1,8 +1,8 @@
-//! Vertices moved along the surface, toward the middle of their neighbours.
+//! Tangential smoothing: vertices move along the surface toward the middle of their neighbours.
 //!
-//! With neighbours `x_j` and the lengths `t` asked for, the middle is the mean with the weights `1 / (t + t_j)`.
-//! Edges balance there if each has its length. Its offset along the normal is left out (Botsch and Kobbelt's
-//! tangential smoothing), and the point is put on the old surface.
+//! With neighbours `x_j` and target lengths `t`, the middle is their mean with the weights `1 / (t + t_j)`. If all
+//! edges have their target lengths, it is the vertex itself. The offset along the normal is left out (Botsch and
+//! Kobbelt), and the point is projected to the old surface.
 
 use bokashi_render_ops::glam::DVec3;
 
@@ -10,11 +10,11 @@ use super::changing::{Changing, Kind};
 use super::guard::{MOST_FACES, Proposal, Proposals};
 use crate::triangle::area_vector;
 
-/// Shares of the way that are tried.
+/// Shares of the move that are tried, one after another.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// A way shorter than this share of the length asked for is not gone.
-const STILL: f64 = 0.01;
+/// A move shorter than this share of the target length is left out.
+const LEAST_MOVE: f64 = 0.01;
 
 impl Changing<'_> {
     /// Moves the free vertices, one after another in their order.
@@ -42,7 +42,7 @@ impl Changing<'_> {
         let normal = normal.normalize_or_zero();
         let way = sum / weights - from;
         let way = way - normal * normal.dot(way);
-        if way.length_squared() < STILL * STILL * target * target {
+        if way.length_squared() < LEAST_MOVE * LEAST_MOVE * target * target {
             return;
         }
         for share in SHARES {

@@ -1,4 +1,4 @@
-//! Edges that are too long, split.
+//! Splits of edges that are too long.
 
 use super::changing::{Changing, Edge};
 use super::guard::{Proposal, Proposals};
@@ -11,11 +11,11 @@ pub(super) const LONGEST: f64 = 4.0 / 3.0;
 /// A point that is off the middle by less than this share of the edge's length is on the edge.
 const STRAIGHT: f64 = 1e-12;
 
-/// Halvings of an edge: more would leave the range of the numbers.
+/// The most halvings of an edge: more would leave the range of the numbers.
 const PASSES: usize = 64;
 
 impl Changing<'_> {
-    /// Splits edges, longest first, until none is longer than 4/3 of what is asked for, or there are `most_faces`.
+    /// Splits edges, longest first, until none is longer than 4/3 of its target length, or there are `most_faces`.
     pub(super) fn split_long_edges(&mut self, most_faces: usize) {
         for pass in 0..PASSES {
             // Faces of a pass stand in the leaves of those that they were made of.
@@ -47,8 +47,8 @@ impl Changing<'_> {
         }
     }
 
-    /// Splits an edge unless one of its faces has a longer one, which comes first. Where that may not be split, edges
-    /// beside it would be halved without end.
+    /// Splits an edge, unless one of its faces has a longer edge. If that one must not be split, splits of the edges
+    /// beside it would never end.
     fn try_split(&mut self, edge: &Edge) -> bool {
         let [a, b] = edge.ends;
         let length = self.relative_length(a, b);
@@ -73,7 +73,7 @@ impl Changing<'_> {
             }
         }
         let gone = if edge.is_boundary() { &edge.faces[..1] } else { &edge.faces[..] };
-        // On the edge itself nothing turns, and a needle may become worse until its other edges are split.
+        // At the middle of the edge no normal changes. A needle may become worse there until its other edges are split.
         let is_straight = point.distance(0.5 * (self.points[a as usize] + self.points[b as usize]))
             <= STRAIGHT * self.points[a as usize].distance(self.points[b as usize]);
         let allows = is_straight || self.allows(gone, &proposals);
@@ -83,7 +83,7 @@ impl Changing<'_> {
         allows
     }
 
-    /// The point of the old surface next to the middle of an edge.
+    /// The point of the old surface nearest to the middle of an edge, by a walk from either end.
     pub(super) fn middle(&self, a: u32, b: u32) -> (Site, DVec3) {
         let [i, j] = [a as usize, b as usize];
         let middle = 0.5 * (self.points[i] + self.points[j]);

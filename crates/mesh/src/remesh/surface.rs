@@ -1,14 +1,15 @@
-//! The surface that is remeshed: its points, and the one next to a point beside it.
+//! The old surface that is remeshed, its points, and projections to it.
 
+use bokashi_render_ops::edges::repeats_a_vertex;
 use bokashi_render_ops::glam::DVec3;
 use smallvec::SmallVec;
 
-use crate::triangle::{nearest, repeats_a_vertex};
+use crate::triangle::nearest;
 
 /// The faces at each vertex, in increasing order.
 pub(super) type Around = Vec<SmallVec<[u32; 8]>>;
 
-/// The proper faces at each vertex.
+/// The faces at each vertex, but for those that name a vertex twice.
 pub(super) fn around(faces: &[[u32; 3]], vertex_count: usize) -> Around {
     let mut around = vec![SmallVec::new(); vertex_count];
     for (face, index) in faces.iter().zip(0..).filter(|(face, _)| !repeats_a_vertex(**face)) {
@@ -25,7 +26,7 @@ pub(super) struct Site {
 }
 
 impl Site {
-    /// Of a vertex without a proper face, which stays where it is.
+    /// Stands for the point of a vertex without a face. Such a vertex stays where it is.
     pub(super) const NOWHERE: Self = Self { face: u32::MAX, weights: [0.0; 3] };
 }
 
@@ -46,7 +47,7 @@ impl<'a> Surface<'a> {
         &self.around
     }
 
-    /// Where a vertex lies.
+    /// The point at which an old vertex lies.
     pub(super) fn site(&self, vertex: u32) -> Site {
         let Some(&face) = self.around[vertex as usize].first() else { return Site::NOWHERE };
         let weight = |corner| f64::from(u8::from(corner == vertex));
@@ -63,12 +64,13 @@ impl<'a> Surface<'a> {
         self.weights(site).iter().map(|&(v, weight)| weight * self.points[v as usize]).sum()
     }
 
-    /// The point next to `p` that a walk from face to face reaches downhill from where `start` lies. So it stays
-    /// on its own sheet where another one lies nearer.
+    /// The nearest point to `p` that a walk finds which starts at `start` and goes from face to face, each time nearer.
+    /// So the point stays on the sheet of `start` where another sheet lies nearer. Also the square of its distance.
     pub(super) fn nearest(&self, start: Site, p: DVec3) -> (Site, f64) {
         let mut best = self.nearest_on(start.face, p);
         // The faces beside `start` come first: seen from one of them a fold may hide another.
         let mut from = start;
+        // Each round is nearer than the last one, so the walk ends.
         loop {
             let distance = best.1;
             let ends = self.weights(from).into_iter().filter(|(_, weight)| *weight > 0.0);

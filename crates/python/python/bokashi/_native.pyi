@@ -330,7 +330,7 @@ def sample_texture(
     coarsest: int | None = None,
     probes: int = 8,
     mipmaps: bool = False,
-    still: Texture | None = None,
+    constant: Texture | None = None,
 ) -> _One[_T]: ...
 def sample_cube_map(
     coordinates: NDArray[_T],
@@ -343,7 +343,7 @@ def sample_cube_map(
     coarsest: int | None = None,
     probes: int = 8,
     mipmaps: bool = False,
-    still: Texture | None = None,
+    constant: Texture | None = None,
 ) -> _One[_T]: ...
 def face_normals(positions: NDArray[_T], mesh: Mesh) -> _One[_T]: ...
 def vertex_normals(positions: NDArray[_T], mesh: Mesh, weighting: str = "angle") -> _One[_T]: ...

@@ -190,7 +190,7 @@ def _array(value, like=None):
     return jnp.asarray(value, None if like is None or hasattr(value, "dtype") else like.dtype)
 
 
-def _still(value, like):
+def _constant(value, like):
     """An array without a gradient."""
     return value if value is None else jax.lax.stop_gradient(_array(value, like))
 
@@ -212,8 +212,8 @@ def _of_jax(describe: Callable[..., Step]) -> Callable[..., Any]:
         typed = next((x for x in step.arrays if hasattr(x, "dtype")), None)
         first = _array(next(x for x in step.arrays if x is not None) if typed is None else typed)
         arrays = [_array(x, first) for x in step.arrays]
-        for k in range(len(arrays) - len(step.still), len(arrays)):
-            arrays[k] = _still(arrays[k], first)
+        for k in range(len(arrays) - len(step.constants), len(arrays)):
+            arrays[k] = _constant(arrays[k], first)
         return step.result(_recorded(step.run, step.shapes, *arrays), arrays)
 
     return dressed(function, describe, "bokashi.jax", "Array", doc=f"As `bokashi.{describe.__name__}`.")

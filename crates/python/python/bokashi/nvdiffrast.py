@@ -439,7 +439,7 @@ def interpolate(
 _MOST_VIEWS = 8
 
 
-def _stills(tex: Tensor, levels: list[np.ndarray], makes_mipmaps: bool, sampler: dict[str, Any]) -> list[Texture]:
+def _constants(tex: Tensor, levels: list[np.ndarray], makes_mipmaps: bool, sampler: dict[str, Any]) -> list[Texture]:
     """The images of a texture that needs no gradient, with their mipmaps, made once as long as their numbers stay.
 
     `tex[None]` is a new tensor in each call. So they belong to the tensor that `tex` is a view of, and go with it.
@@ -452,15 +452,15 @@ def _stills(tex: Tensor, levels: list[np.ndarray], makes_mipmaps: bool, sampler:
     known = views[view] = views.pop(view, {})
     for oldest in list(views)[:-_MOST_VIEWS]:
         views.pop(oldest, None)
-    stills = []
+    constants = []
     for k in range(max(map(len, levels))):
         own = [array[min(k, len(array) - 1)] for array in levels]
         key = k, coarsest, len(own)
-        still = known.get(key)
-        if still is None or not still.holds(own):
-            still = known[key] = Texture(own[0], mips=own[1:] or None, coarsest=None if own[1:] else coarsest)
-        stills.append(still)
-    return stills
+        constant = known.get(key)
+        if constant is None or not constant.holds(own):
+            constant = known[key] = Texture(own[0], mips=own[1:] or None, coarsest=None if own[1:] else coarsest)
+        constants.append(constant)
+    return constants
 
 
 class _Texture(torch.autograd.Function):
@@ -473,11 +473,11 @@ class _Texture(torch.autograd.Function):
         images, height, width, axes = coordinates.shape
         ctx.pulls, ctx.shapes = [], [array.shape for array in texels]
         ctx.stays = stays = not any(level.requires_grad for level in levels)
-        stills = _stills(levels[0], texels, makes_mipmaps, sampler) if stays else []
+        constants = _constants(levels[0], texels, makes_mipmaps, sampler) if stays else []
         outs = []
         for k in range(images):
             own = [array[min(k, len(array) - 1)] for array in texels]
-            still = stills[min(k, len(stills) - 1)] if stays else None
+            constant = constants[min(k, len(constants) - 1)] if stays else None
             places = coordinates[k].reshape(height * width, axes)
             at_level = bias[k].reshape(-1) if bias is not None else None
             footprints = slopes[k].reshape(height * width, axes, 2) if slopes is not None else None
@@ -490,7 +490,7 @@ class _Texture(torch.autograd.Function):
             of_level = (None, footprints, at_level) if footprints is not None else (at_level, None, None)
             try:
                 (values,), pull = call(
-                    places, *of_level, [] if still else own, **sampler, mipmaps=makes_mipmaps, still=still
+                    places, *of_level, [] if constant else own, **sampler, mipmaps=makes_mipmaps, constant=constant
                 )
             except ValueError as error:
                 raise _of_image(k, images, error) from None

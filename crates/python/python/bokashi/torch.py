@@ -107,7 +107,7 @@ def _like(value: Value, tensor: Tensor) -> Tensor:
     return torch.as_tensor(value, dtype=tensor.dtype)
 
 
-def _still(name: str, tensor: Tensor | None) -> Any:
+def _constant(name: str, tensor: Tensor | None) -> Any:
     """The numbers of a tensor that gets no gradient. One with a name is refused where it asks for it."""
     if name and isinstance(tensor, Tensor):
         if tensor.requires_grad and torch.is_grad_enabled():
@@ -152,9 +152,9 @@ def _of_torch(describe: Callable[..., Step]) -> Callable[..., Any]:
                 tensors = [x if x is None or isinstance(x, Tensor) else _like(x, first) for x in tensors]
                 break
         given = tensors
-        if step.still:
-            given = tensors[: -len(step.still)]
-            run = _with_spare(run, [_still(name, x) for name, x in zip(step.still, tensors[len(given) :])])
+        if step.constants:
+            given = tensors[: -len(step.constants)]
+            run = _with_spare(run, [_constant(name, x) for name, x in zip(step.constants, tensors[len(given) :])])
         return step.result(_Recorded.apply(run, *given), tensors)
 
     opaque = torch.compiler.disable(function)

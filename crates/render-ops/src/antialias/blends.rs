@@ -30,8 +30,8 @@ pub(super) struct SavedBlends<T: Scalar> {
     /// Memory: per row of the output that is blended, the sum of the shares.
     sums: Vec<T::Wide>,
     /// The uncovered pixels of all blends, in order.
-    pub(super) rim: Option<Arc<Vec<u32>>>,
-    /// Memory: per 64 pixels a bit for each pixel of the rim, and how many of them come before.
+    pub(super) background_pixels: Option<Arc<Vec<u32>>>,
+    /// Memory: per 64 pixels a bit for each background pixel, and how many of them come before.
     marks: Vec<(u64, u32)>,
     /// Memory: per blend and channel, alpha times what is upstream of the blended pixel.
     shares: Vec<T>,
@@ -96,14 +96,15 @@ impl<T: Scalar> SavedBlends<T> {
         rows.extend(found().map(|found| found.fragments));
     }
 
-    /// Finds the rim, and the rows of the blends' pixels.
+    /// Finds the background pixels that are blended, and the rows of the blends' pixels.
     pub(super) fn find_rows(&mut self, coverage: &Coverage) {
-        let Self { blends, rows, rim, marks, .. } = self;
-        if rim.as_mut().and_then(Arc::get_mut).is_none() {
-            *rim = None;
+        let Self { blends, rows, background_pixels, marks, .. } = self;
+        if background_pixels.as_mut().and_then(Arc::get_mut).is_none() {
+            *background_pixels = None;
         }
-        let rim = Arc::get_mut(rim.get_or_insert_default()).expect("nobody else holds it");
-        rim.clear();
+        let background_pixels =
+            Arc::get_mut(background_pixels.get_or_insert_default()).expect("nobody else holds it");
+        background_pixels.clear();
         let size = coverage.size();
         let mut for_each_missing = |visit: &mut dyn FnMut(u32, &mut u32)| {
             for (blend, rows) in blends.iter().zip(rows.iter_mut()) {
@@ -125,10 +126,10 @@ impl<T: Scalar> SavedBlends<T> {
         for (word, (bits, before)) in
             marks.iter_mut().enumerate().filter(|(_, (bits, _))| *bits != 0)
         {
-            *before = rim.len() as u32;
+            *before = background_pixels.len() as u32;
             let mut rest = *bits;
             while rest != 0 {
-                rim.push(64 * word as u32 + rest.trailing_zeros());
+                background_pixels.push(64 * word as u32 + rest.trailing_zeros());
                 rest &= rest - 1;
             }
         }
@@ -230,7 +231,7 @@ impl<T: Scalar> SavedBlends<T> {
         self.bars = bars;
     }
 
-    /// Adds the gradient of the background behind the rim, whose k-th pixel has its entries from
+    /// Adds the gradient of the background at its blended pixels, whose k-th has its entries from
     /// `start_of(k)` on. The first `covered` entries of `out_bar` are those of fragments.
     pub(super) fn add_background_bars(
         &self,
@@ -246,8 +247,8 @@ impl<T: Scalar> SavedBlends<T> {
         for (blend, entries, target) in self.placed(channels) {
             let alpha = T::narrow(blend.alpha);
             for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                let Some(rim_entry) = entry.checked_sub(covered) else { continue };
-                let start = start_of(rim_entry / channels);
+                let Some(background_entry) = entry.checked_sub(covered) else { continue };
+                let start = start_of(background_entry / channels);
                 for c in 0..channels {
                     background_bar[start + c] += sign * (alpha * out_bar[target + c]);
                 }

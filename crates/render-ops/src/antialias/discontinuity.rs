@@ -108,7 +108,7 @@ fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
 
 /// A face with a silhouette.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Outline<S> {
+pub(super) struct SilhouetteFace<S> {
     pub(super) vertices: [Vertex<S>; 3],
     /// Of the vertices.
     indices: [u32; 3],
@@ -116,7 +116,7 @@ pub(super) struct Outline<S> {
     silhouettes: u8,
 }
 
-impl<S: Scalar<Wide = S>> Outline<S> {
+impl<S: Scalar<Wide = S>> SilhouetteFace<S> {
     /// Of the face of vertices `indices` of `clip: [V, 4]`.
     #[inline(always)]
     pub(super) fn new<T: Scalar<Wide = S>>(
@@ -287,9 +287,9 @@ mod tests {
     }
 
     /// The corner that the blending edge faces, and the share, by what the operation says of all edges.
-    fn expected(outline: &Outline<f64>, pair: &Pair, size: Size) -> Option<(usize, f64)> {
+    fn expected(face: &SilhouetteFace<f64>, pair: &Pair, size: Size) -> Option<(usize, f64)> {
         let frame = Frame::new(pair.covered_pixel(), pair.below, size);
-        let corners = outline.vertices.map(|vertex| frame.local(vertex));
+        let corners = face.vertices.map(|vertex| frame.local(vertex));
         let sign = if pair.covers_first { 1.0 } else { -1.0 };
         let mut farthest: Option<(usize, f64, f64)> = None;
         for corner in 0..3 {
@@ -303,7 +303,7 @@ mod tests {
         }
         let (corner, distance, m) = farthest?;
         let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-        let is_silhouette = outline.silhouettes >> corner & 1 == 1;
+        let is_silhouette = face.silhouettes >> corner & 1 == 1;
         let runs_across = m.abs() >= (p.w * q.x - p.x * q.w).abs();
         let is_between = (-SLACK..=1.0 + SLACK).contains(&distance);
         let alpha = sign * (0.5 - distance.clamp(0.0, 1.0));
@@ -323,18 +323,18 @@ mod tests {
             let size = Size { width: if wide { 90 } else { 9 }, height: 5 };
             let (start, length) = if wide { (10 * start, 10 * length) } else { (start, length) };
             let columns = start..(start + length).min(size.width as u32);
-            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
+            let face = SilhouetteFace::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
             let mut visited = Vec::new();
-            outline.for_each_line(size, |corner, line| {
+            face.for_each_line(size, |corner, line| {
                 line.for_each_pair(row, columns.clone(), size, |pair| visited.push((corner, pair)));
             });
             let pairs = pairs_of(row, columns, size);
             for pair in &pairs {
-                let expected = expected(&outline, pair, size);
+                let expected = expected(&face, pair, size);
                 for corner in 0..3 {
                     let count = visited.iter().filter(|&visited| *visited == (corner, *pair)).count();
                     let blend = (silhouettes >> corner & 1 == 1)
-                        .then(|| outline.blend(corner, pair, size))
+                        .then(|| face.blend(corner, pair, size))
                         .flatten();
                     let expected = expected.filter(|expected| expected.0 == corner);
                     prop_assert_eq!(blend.map(|blend| (corner, blend.alpha)), expected);
@@ -353,13 +353,13 @@ mod tests {
             ([[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]], true),
             ([[-2.0, -0.2, 0.0, 1.0], [2.0, -0.2, 0.0, 1.0], [0.0, 3.0, 0.0, 1.0]], false),
         ] {
-            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
+            let face = SilhouetteFace::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
             for row in 0..5 {
                 for (start, end) in
                     (0..9).flat_map(|end| (0..=end).map(move |start| (start, end + 1)))
                 {
                     let mut visited = Vec::new();
-                    outline.for_each_line(size, |_, line| {
+                    face.for_each_line(size, |_, line| {
                         line.for_each_pair(row, start..end, size, |pair| visited.push(pair));
                     });
                     let passes = |pair: &Pair| match is_upright {

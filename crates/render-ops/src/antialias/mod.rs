@@ -69,13 +69,14 @@ pub fn antialias<'t, T: Scalar>(
     coverage.check_silhouettes("antialias")?;
     let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
     let inputs = [*clip, *values, backdrop.values];
-    let (outputs, rim) =
-        values.tape().record_with(op, &inputs, |saved: &SavedBlends<T>| saved.rim.clone())?;
-    Ok(Picture { values: outputs[0], rim, ..picture })
+    let (outputs, blended) = values
+        .tape()
+        .record_with(op, &inputs, |saved: &SavedBlends<T>| saved.background_pixels.clone())?;
+    Ok(Picture { values: outputs[0], blended, ..picture })
 }
 
 /// Inputs: clip `[V, 4]`, values `[N, C]`, a background `[C]` or `[H, W, C]`. Output: values `[P, C]`
-/// of the fragments and the rim.
+/// of the fragments and of the blended background pixels.
 struct Antialias {
     coverage: Arc<Coverage>,
     kind: Kind,
@@ -98,18 +99,18 @@ impl<T: Scalar> Op<T> for Antialias {
         let coverage = &*self.coverage;
         saved.find(coverage, inputs.data(0));
         if saved.blends.is_empty() {
-            saved.rim = None;
+            saved.background_pixels = None;
             outputs.pass(1, "no discontinuities");
             return Ok(());
         }
         saved.find_rows(coverage);
         let (input, background) = (inputs.data(1), inputs.data(2));
         let channels = inputs.shape(1)[1];
-        let rim = saved.rim.clone().expect("it was just found");
-        let out = outputs.push([coverage.count() + rim.len(), channels]);
-        let (values, rim_values) = out.split_at_mut(input.len());
+        let pixels = saved.background_pixels.clone().expect("it was just found");
+        let out = outputs.push([coverage.count() + pixels.len(), channels]);
+        let (values, background_values) = out.split_at_mut(input.len());
         saved.divide_and_copy(values, input);
-        for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(&*rim) {
+        for (value, &pixel) in background_values.chunks_exact_mut(channels).zip(&*pixels) {
             self.kind.fill(value, background, channels, pixel as usize);
         }
         saved.blend(out, channels);
@@ -134,8 +135,8 @@ impl<T: Scalar> Op<T> for Antialias {
             let (clip, size) = (kept.input(0), self.coverage.size());
             saved.add_clip_bars(out_bar, channels, (clip, size), clip_bar.entries());
         }
-        if let (Some(rim), Some(background_bar)) = (&saved.rim, gradients.get(2)) {
-            let start_of = |k: usize| self.kind.entry(channels, rim[k] as usize);
+        if let (Some(pixels), Some(background_bar)) = (&saved.background_pixels, gradients.get(2)) {
+            let start_of = |k: usize| self.kind.entry(channels, pixels[k] as usize);
             saved.add_background_bars(
                 out_bar,
                 [covered, channels],
@@ -147,6 +148,7 @@ impl<T: Scalar> Op<T> for Antialias {
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        saved.bytes() + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
+        saved.bytes()
+            + saved.background_pixels.as_ref().map_or(0, |pixels| size_of_val(pixels.as_slice()))
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::discontinuity::{Blend, Outline};
+use super::discontinuity::{Blend, SilhouetteFace};
 use super::pairs::Pair;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
@@ -62,9 +62,9 @@ impl<T: Scalar> Search<'_, T> {
     ) {
         let size = self.coverage.size();
         let indices = self.coverage.mesh().faces()[face];
-        let outline = Outline::new(self.clip, indices, silhouettes, size);
+        let silhouette_face = SilhouetteFace::new(self.clip, indices, silhouettes, size);
         let runs = self.coverage.centers.in_slot(slot);
-        outline.for_each_line(
+        silhouette_face.for_each_line(
             size,
             #[inline(always)]
             |corner, line| {
@@ -77,9 +77,15 @@ impl<T: Scalar> Search<'_, T> {
                         size,
                         #[inline(always)]
                         |pair| {
-                            if let Some(blend) = outline.blend(corner, &pair, size) {
+                            if let Some(blend) = silhouette_face.blend(corner, &pair, size) {
                                 let fragment = run.fragment + pair.covered_pixel()[1] - first;
-                                found.extend(self.seen(&outline, face, fragment, pair, blend));
+                                found.extend(self.blend_in_front(
+                                    &silhouette_face,
+                                    face,
+                                    fragment,
+                                    pair,
+                                    blend,
+                                ));
                             }
                         },
                     );
@@ -91,9 +97,9 @@ impl<T: Scalar> Search<'_, T> {
     /// A blend by a face at a pair, if the other pixel sees no other face, or a farther one. Of faces
     /// that are as near the blend is by the first pixel's.
     #[inline(always)]
-    fn seen(
+    fn blend_in_front(
         &self,
-        outline: &Outline<T::Wide>,
+        silhouette_face: &SilhouetteFace<T::Wide>,
         face: usize,
         fragment: u32,
         pair: Pair,
@@ -109,8 +115,8 @@ impl<T: Scalar> Search<'_, T> {
                 return None;
             }
             let indices = coverage.mesh().faces()[other];
-            let vertices = Outline::corners(self.clip, indices, size);
-            let own_depth = depth_at(&outline.vertices, pair.covered_pixel(), size);
+            let vertices = SilhouetteFace::corners(self.clip, indices, size);
+            let own_depth = depth_at(&silhouette_face.vertices, pair.covered_pixel(), size);
             let other_depth = depth_at(&vertices, pair.other_pixel(), size);
             let (is_nearer, is_farther) = (own_depth < other_depth, other_depth < own_depth);
             let is_behind = if pair.covers_first { is_farther } else { !is_nearer };

@@ -9,23 +9,23 @@
 //! - `y'' = y f(s) + t_y`, `t_y = p1 (s + 2 y^2) + 2 p2 x y`.
 //!
 //! The formula is fitted to what the sensor saw. Far outside, `r f(r^2)` may turn round, and would
-//! bring points back into the image. So it holds up to the *rim*, the first radius at which that
+//! bring points back into the image. So it holds up to the *limit*, the first radius at which that
 //! happens or d falls below [`LEAST`], and at most up to [`FARTHEST`]. With `n = sum_i n_i s^i` and d alike,
-//! the slope of `r f(r^2)` has the sign of `sum_ij (1 + 2 i - 2 j) n_i d_j s^(i + j)`. From the rim on the map
-//! goes on linearly along each ray from the centre: with `m = rim / r`, the point m (x, y) is on the rim, and
-//! what it is shown at is divided by m. Times Z that is `rho / rim` times the distorted point `rim n` of the rim,
+//! the slope of `r f(r^2)` has the sign of `sum_ij (1 + 2 i - 2 j) n_i d_j s^(i + j)`. From the limit on the map
+//! goes on linearly along each ray from the centre: with `m = limit / r`, the point m (x, y) is on the limit, and
+//! what it is shown at is divided by m. Times Z that is `rho / limit` times the distorted point `limit n` of the limit,
 //! with `rho = |(X, Y)|` and `n = (X, Y) / rho`. It does not depend on Z, so it goes on to Z = 0, and behind the
 //! camera.
 //!
 //! # Where it is not smooth
-//! At the rim, where slopes jump; on the axis behind the camera, where p1 and p2 leave a kink; and
-//! where the rim leaps as coefficients change, because the formula begins to turn round or does so no
+//! At the limit, where slopes jump; on the axis behind the camera, where p1 and p2 leave a kink; and
+//! where the limit leaps as coefficients change, because the formula begins to turn round or does so no
 //! longer.
 //!
 //! # Source
 //! Brown, *Decentering distortion of lenses*, Photogrammetric Engineering 32(3), 1966; the order and
 //! signs of the coefficients, and the denominator, are those of OpenCV's module `calib3d`. What lies beyond the
-//! rim is ours.
+//! limit is ours.
 
 use bokashi_core::Scalar;
 
@@ -43,7 +43,7 @@ const LEAST: f64 = 0.05;
 /// the angle off the axis. It is the first radius r at which the radial part `r f(r^2)` stops to grow, or at which
 /// its denominator falls below 0.05, and at most 16.
 pub fn distortion_radius<const N: usize>(coefficients: [f64; N]) -> f64 {
-    Distortion::new(all(coefficients)).rim
+    Distortion::new(all(coefficients)).limit
 }
 
 /// All eight coefficients of a lens: those that it lacks are 0.
@@ -59,9 +59,9 @@ pub(super) struct Distortion<S> {
     parts: [[S; 4]; 2],
     /// p1, p2.
     tangential: [S; 2],
-    rim: S,
-    /// How the rim moves with k1, k2, k3, and with k4, k5, k6.
-    rim_slopes: [[S; 3]; 2],
+    limit: S,
+    /// How the limit moves with k1, k2, k3, and with k4, k5, k6.
+    limit_slopes: [[S; 3]; 2],
 }
 
 /// f(s), its slope, and 1 / d(s).
@@ -73,9 +73,9 @@ struct Factor<S> {
 
 /// Where a point is.
 enum Region<S> {
-    /// The normalized coordinates, up to the rim.
+    /// The normalized coordinates, up to the limit.
     Inside([S; 2]),
-    /// The direction and the distance of (X, Y), beyond the rim.
+    /// The direction and the distance of (X, Y), beyond the limit.
     Outside([S; 2], S),
     /// On the axis behind the camera.
     Behind,
@@ -87,8 +87,8 @@ impl<S: Scalar> Distortion<S> {
         let mut lens = Self {
             parts,
             tangential: [p1, p2],
-            rim: S::from_f64(FARTHEST),
-            rim_slopes: [[S::ZERO; 3]; 2],
+            limit: S::from_f64(FARTHEST),
+            limit_slopes: [[S::ZERO; 3]; 2],
         };
         let [upper, lower] = parts;
         let factor = |i: usize, j: usize| S::from_f64(1.0 + 2.0 * i as f64 - 2.0 * j as f64);
@@ -108,9 +108,9 @@ impl<S: Scalar> Distortion<S> {
         let Some(Turn { root: s, scale }) = (if is_first { turn } else { fall }) else {
             return lens;
         };
-        lens.rim = s.sqrt();
+        lens.limit = s.sqrt();
         let Some(scale) = scale else { return lens };
-        // The slopes of what is 0 at the rim, by each coefficient.
+        // The slopes of what is 0 at the limit, by each coefficient.
         let powers = [S::ONE, s, s * s, s * s * s];
         let sum = |term: &dyn Fn(usize) -> S| (0..4).map(term).sum::<S>();
         let slopes = match is_first {
@@ -121,8 +121,8 @@ impl<S: Scalar> Distortion<S> {
             }),
             false => [1, 2, 3].map(|k| [S::ZERO, powers[k]]),
         };
-        let scale = scale / (lens.rim + lens.rim);
-        lens.rim_slopes = [0, 1].map(|part| slopes.map(|by| scale * by[part]));
+        let scale = scale / (lens.limit + lens.limit);
+        lens.limit_slopes = [0, 1].map(|part| slopes.map(|by| scale * by[part]));
         lens
     }
 
@@ -134,7 +134,7 @@ impl<S: Scalar> Distortion<S> {
         Factor { f, slope, share }
     }
 
-    /// f by k1, k2, k3, and by k4, k5, k6, without what the rim does.
+    /// f by k1, k2, k3, and by k4, k5, k6, without what the limit does.
     fn factor_slopes(&self, s: S) -> [[S; 3]; 2] {
         let Factor { f, share, .. } = self.factor(s);
         let powers = [s, s * s, s * s * s].map(|power| power * share);
@@ -157,7 +157,8 @@ impl<S: Scalar> Distortion<S> {
     fn locate(&self, [x, y, z]: [S; 3]) -> Region<S> {
         if z > S::ZERO {
             let projected = [x / z, y / z];
-            if projected[0] * projected[0] + projected[1] * projected[1] <= self.rim * self.rim {
+            if projected[0] * projected[0] + projected[1] * projected[1] <= self.limit * self.limit
+            {
                 return Region::Inside(projected);
             }
         }
@@ -182,8 +183,8 @@ impl<S: Scalar> Distortion<S> {
                 [x * f + z * tx, y * f + z * ty]
             }
             Region::Outside(n, rho) => {
-                let Factor { f, .. } = self.factor(self.rim * self.rim);
-                let [tx, ty] = self.tangential(n).map(|t| self.rim * rho * t);
+                let Factor { f, .. } = self.factor(self.limit * self.limit);
+                let [tx, ty] = self.tangential(n).map(|t| self.limit * rho * t);
                 [x * f + tx, y * f + ty]
             }
             Region::Behind => [S::ZERO; 2],
@@ -196,7 +197,7 @@ impl<S: Scalar> Distortion<S> {
             Region::Inside(projected) => self.slopes_inside(point, projected),
             Region::Outside(n, rho) => self.slopes_outside(n, rho),
             Region::Behind => {
-                let Factor { f, .. } = self.factor(self.rim * self.rim);
+                let Factor { f, .. } = self.factor(self.limit * self.limit);
                 ([[f, S::ZERO, S::ZERO], [S::ZERO, f, S::ZERO]], [[S::ZERO; 8]; 2])
             }
         }
@@ -229,32 +230,33 @@ impl<S: Scalar> Distortion<S> {
     }
 
     fn slopes_outside(&self, [x, y]: [S; 2], rho: S) -> ([[S; 3]; 2], [[S; 8]; 2]) {
-        let ([p1, p2], rim) = (self.tangential, self.rim);
+        let ([p1, p2], limit) = (self.tangential, self.limit);
         let (two, five) = (S::from_f64(2.0), S::from_f64(5.0));
-        let square = rim * rim;
+        let square = limit * limit;
         let Factor { f, slope, .. } = self.factor(square);
         let (xxx, yyy) = (x * x * x, y * y * y);
         let by_point = [
             [
-                f + rim * (two * p1 * yyy + p2 * (five * x - two * xxx)),
-                rim * (two * p1 * xxx + p2 * (y - two * x * x * y)),
+                f + limit * (two * p1 * yyy + p2 * (five * x - two * xxx)),
+                limit * (two * p1 * xxx + p2 * (y - two * x * x * y)),
                 S::ZERO,
             ],
             [
-                rim * (p1 * (x - two * y * y * x) + two * p2 * yyy),
-                f + rim * (p1 * (five * y - two * yyy) + two * p2 * xxx),
+                limit * (p1 * (x - two * y * y * x) + two * p2 * yyy),
+                f + limit * (p1 * (five * y - two * yyy) + two * p2 * xxx),
                 S::ZERO,
             ],
         ];
         let (t, [by_p1, by_p2]) = (self.tangential([x, y]), Self::tangents([x, y]));
         let by_factor = self.factor_slopes(square);
         let row = |k: usize, along: S| {
-            let by_rim = along * (two * rim * slope) + t[k];
+            let by_limit = along * (two * limit * slope) + t[k];
             let [[k1, k2, k3], [k4, k5, k6]] = [0, 1].map(|part| {
-                [0, 1, 2]
-                    .map(|j| rho * (along * by_factor[part][j] + by_rim * self.rim_slopes[part][j]))
+                [0, 1, 2].map(|j| {
+                    rho * (along * by_factor[part][j] + by_limit * self.limit_slopes[part][j])
+                })
             });
-            [k1, k2, rim * rho * by_p1[k], rim * rho * by_p2[k], k3, k4, k5, k6]
+            [k1, k2, limit * rho * by_p1[k], limit * rho * by_p2[k], k3, k4, k5, k6]
         };
         (by_point, [row(0, x), row(1, y)])
     }
@@ -289,10 +291,10 @@ lens_maps!(5, 8);
 impl Distortion<f64> {
     /// A point that the lens, without p1 and p2, shows at the radius `shown`: its radius.
     pub(super) fn radius_of(&self, shown: f64) -> f64 {
-        let Factor { f, .. } = self.factor(self.rim * self.rim);
-        if shown >= self.rim * f {
+        let Factor { f, .. } = self.factor(self.limit * self.limit);
+        if shown >= self.limit * f {
             return shown / f;
         }
-        bisected(0.0, self.rim, |r| r * self.factor(r * r).f <= shown)
+        bisected(0.0, self.limit, |r| r * self.factor(r * r).f <= shown)
     }
 }

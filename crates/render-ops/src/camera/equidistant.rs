@@ -6,12 +6,12 @@
 //! `p(s) = 1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4`, in the direction of (X, Y). A pinhole shows that at
 //! (g X, g Y, d), with `g = theta_d / sin(theta)`.
 //!
-//! The polynomial is fitted to what the sensor saw. So it holds up to the *rim*, the first angle at which theta_d
+//! The polynomial is fitted to what the sensor saw. So it holds up to the *limit*, the first angle at which theta_d
 //! stops to grow, and at most up to [`WIDEST`]. From there on directions turn evenly until the axis behind
-//! the camera stays where it is: with `tau = pi - theta`, and the radius R of the rim, P goes to
+//! the camera stays where it is: with `tau = pi - theta`, and the radius R of the limit, P goes to
 //! `(g X, g Y, d h)`, where `g = sin(c tau) / (C sin(tau))`, `h = -cos(c tau) / C`, `C = (1 + R^2)^(-1/2)` and
-//! `c = (pi - atan(R)) / (pi - rim)`. So the sphere of directions is mapped on itself without a tear, and what
-//! lies beyond the rim leaves the image through infinity, as it does for a pinhole.
+//! `c = (pi - atan(R)) / (pi - limit)`. So the sphere of directions is mapped on itself without a tear, and what
+//! lies beyond the limit leaves the image through infinity, as it does for a pinhole.
 //!
 //! # Slopes
 //! With an angle a off the axis, before the camera or behind it, and `b = |Z| / Z` there,
@@ -19,13 +19,13 @@
 //! axis. `sin(a) / a` and its slope by a^2 are Stumpff's `c_1`, and a^2 is a series near the axis.
 //!
 //! # Where it is not smooth
-//! At the rim, where slopes jump; where the rim leaps as coefficients change, because the polynomial begins to
+//! At the limit, where slopes jump; where the limit leaps as coefficients change, because the polynomial begins to
 //! turn round or does so no longer; at the eye itself.
 //!
 //! # Source
 //! Kannala and Brandt, *A generic camera model and calibration method for conventional, wide-angle, and fish-eye
 //! lenses*, IEEE Transactions on Pattern Analysis and Machine Intelligence 28(8), 2006, with the coefficients of
-//! OpenCV's module `fisheye`, COLMAP's OPENCV_FISHEYE and nerfstudio. What lies beyond the rim is ours.
+//! OpenCV's module `fisheye`, COLMAP's OPENCV_FISHEYE and nerfstudio. What lies beyond the limit is ours.
 
 use std::f64::consts::PI;
 
@@ -48,7 +48,7 @@ const FAR: f64 = 1e100;
 /// `coefficients` = (k1, k2, k3, k4). It is the first angle at which the radius that is shown stops to grow, and
 /// at most 150 degrees.
 pub fn fisheye_limit(coefficients: [f64; 4]) -> f64 {
-    Equidistant::new(coefficients).rim
+    Equidistant::new(coefficients).limit
 }
 
 /// The radius, in normalized coordinates, at which a fisheye of `coefficients` = (k1, k2, k3, k4) shows what lies
@@ -63,8 +63,8 @@ pub fn fisheye_radius(angle: f64, coefficients: [f64; 4]) -> f64 {
 pub fn fisheye_angle(radius: f64, coefficients: [f64; 4]) -> Option<f64> {
     let lens = Equidistant::new(coefficients);
     let radius_at = |angle: f64| angle * polynomial(&lens.coefficients, angle * angle);
-    let is_shown = (0.0..=radius_at(lens.rim)).contains(&radius);
-    is_shown.then(|| bisected(0.0, lens.rim, |angle| radius_at(angle) <= radius))
+    let is_shown = (0.0..=radius_at(lens.limit)).contains(&radius);
+    is_shown.then(|| bisected(0.0, lens.limit, |angle| radius_at(angle) <= radius))
 }
 
 /// The coefficients of a fisheye.
@@ -72,21 +72,21 @@ pub fn fisheye_angle(radius: f64, coefficients: [f64; 4]) -> Option<f64> {
 pub(super) struct Equidistant<S> {
     /// 1, k1, k2, k3, k4.
     coefficients: [S; 5],
-    rim: S,
+    limit: S,
     /// R.
-    rim_radius: S,
+    limit_radius: S,
     /// c and 1 / C.
     turn: S,
     stretch: S,
     /// How atan(R) and c move with each coefficient.
-    rim_slopes: [[S; 4]; 2],
+    limit_slopes: [[S; 4]; 2],
 }
 
 /// How a point is shown at the angle a off the axis before the camera, or behind it.
 struct Shown<S> {
     /// Points are divided by it first.
     unit: S,
-    /// 1 before the camera, up to the rim; -1 behind it.
+    /// 1 before the camera, up to the limit; -1 behind it.
     side: S,
     /// X, Y, Z, and the distance.
     point: [S; 3],
@@ -117,31 +117,31 @@ impl<S: Scalar> Equidistant<S> {
         let coefficients = [S::ONE, k1, k2, k3, k4];
         let odd = |k: usize| S::from_f64(2.0 * k as f64 + 1.0);
         let growth: [S; 5] = std::array::from_fn(|k| odd(k) * coefficients[k]);
-        let (mut rim, mut scale) = (S::from_f64(WIDEST), S::ZERO);
+        let (mut limit, mut scale) = (S::from_f64(WIDEST), S::ZERO);
         if let Some(turn) = Turn::new(&growth, WIDEST * WIDEST) {
-            rim = turn.root.sqrt();
-            scale = turn.scale.map_or(S::ZERO, |scale| scale / (rim + rim));
+            limit = turn.root.sqrt();
+            scale = turn.scale.map_or(S::ZERO, |scale| scale / (limit + limit));
         }
-        let square = rim * rim;
-        let rim_radius = rim * polynomial(&coefficients, square);
-        let behind = S::from_f64(PI) - rim;
-        let turn = (S::from_f64(PI) - rim_radius.atan2(S::ONE)) / behind;
-        let one_and_square = S::ONE + rim_radius * rim_radius;
+        let square = limit * limit;
+        let limit_radius = limit * polynomial(&coefficients, square);
+        let behind = S::from_f64(PI) - limit;
+        let turn = (S::from_f64(PI) - limit_radius.atan2(S::ONE)) / behind;
+        let one_and_square = S::ONE + limit_radius * limit_radius;
         let mut power = S::ONE;
         let slopes: [[S; 2]; 4] = std::array::from_fn(|k| {
             power *= square;
-            // Where theta_d turns round, it does not move with the rim.
-            let of_angle = rim * power / one_and_square;
-            let of_rim = scale * odd(k + 1) * power;
-            [of_angle, (turn * of_rim - of_angle) / behind]
+            // Where theta_d turns round, it does not move with the limit.
+            let of_angle = limit * power / one_and_square;
+            let of_limit = scale * odd(k + 1) * power;
+            [of_angle, (turn * of_limit - of_angle) / behind]
         });
         Self {
             coefficients,
-            rim,
-            rim_radius,
+            limit,
+            limit_radius,
             turn,
             stretch: one_and_square.sqrt(),
-            rim_slopes: [0, 1].map(|part| slopes.map(|slope| slope[part])),
+            limit_slopes: [0, 1].map(|part| slopes.map(|slope| slope[part])),
         }
     }
 
@@ -165,7 +165,7 @@ impl<S: Scalar> Equidistant<S> {
             angle * angle
         };
         let before = square(z);
-        let is_inside = before <= self.rim * self.rim;
+        let is_inside = before <= self.limit * self.limit;
         let side = if is_inside { S::ONE } else { -S::ONE };
         let square = if is_inside { before } else { square(-z) };
         let [sinc, sinc_slope, _] = ratio(square);
@@ -227,14 +227,14 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
             [x * y * by_across, g + y * y * by_across, y * by_along],
             [x * outwards, y * outwards, along],
         ];
-        let [angles, turns] = &self.rim_slopes;
+        let [angles, turns] = &self.limit_slopes;
         let mut power = S::ONE;
         let moves: [[S; 2]; 4] = std::array::from_fn(|k| {
             power *= square;
             if side > S::ZERO {
                 return [power / ratio, S::ZERO];
             }
-            let by_angle = self.rim_radius * angles[k];
+            let by_angle = self.limit_radius * angles[k];
             [g * by_angle - h / ratio * turns[k], h * by_angle + square * g * ratio * turns[k]]
         });
         let slopes_along =

@@ -8,8 +8,8 @@ use bokashi_core::Scalar;
 
 use super::corner::{BEHIND, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS, UNUSUAL, touched};
 use super::filter::{Boxes, EIGHT, Filter, Octet, Record};
+use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
-use crate::mesh::repeats_a_vertex;
 use crate::raster_options::{Cull, RasterOptions};
 use crate::size::Size;
 

@@ -9,7 +9,7 @@ use bokashi_core::parallel::join;
 use smallvec::SmallVec;
 
 use super::direction::{pull_back_unit, unit};
-use super::model::{Bars, Seen};
+use super::model::{Bars, ShadingPoint};
 use crate::vector::{Vector3, dot};
 
 /// Rows of a block.
@@ -183,9 +183,9 @@ pub(super) struct Block<T, const M: usize> {
 
 impl<T: Scalar, const M: usize> Block<T, M> {
     #[inline(always)]
-    pub(super) fn seen(&self, k: usize) -> Seen<T, M> {
+    pub(super) fn point(&self, k: usize) -> ShadingPoint<T, M> {
         let Numbers { normals, views, material, .. } = &self.numbers;
-        Seen { n: row(normals, k), v: row(views, k), material: row(material, k) }
+        ShadingPoint { n: row(normals, k), v: row(views, k), material: row(material, k) }
     }
 
     #[inline(always)]

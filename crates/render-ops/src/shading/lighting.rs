@@ -57,7 +57,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
             match lamp.kind {
                 Kind::Directional => {
                     for k in 0..BLOCK {
-                        let value = model.reflect(block.seen(k), lamp.place);
+                        let value = model.reflect(block.point(k), lamp.place);
                         add_row(&mut radiance, k, times(strength, value));
                     }
                 }
@@ -65,14 +65,14 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                     for k in 0..BLOCK {
                         let (l, _, inverse) = lamp.seen_from(block.position(k));
                         is_good &= inverse.is_finite();
-                        let value = model.reflect(block.seen(k), l);
+                        let value = model.reflect(block.point(k), l);
                         add_row(&mut radiance, k, times(scaled(inverse, strength), value));
                     }
                 }
                 Kind::Everywhere { below, above } => {
                     let weights = weights(below, above);
                     for k in 0..BLOCK {
-                        let value = counted(model.everywhere(block.seen(k)), weights);
+                        let value = counted(model.everywhere(block.point(k)), weights);
                         add_row(&mut radiance, k, times(strength, value));
                     }
                 }
@@ -147,7 +147,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                     for k in 0..BLOCK {
                         let bar = row(&upstream_bars, k);
                         let (value, lamp_bars) =
-                            model.pull_back(block.seen(k), lamp.place, times(bar, strength));
+                            model.pull_back(block.point(k), lamp.place, times(bar, strength));
                         bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, value));
                         if GEOMETRY {
@@ -160,7 +160,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                         let (l, distance, inverse) = lamp.seen_from(block.position(k));
                         let bar = scaled(inverse, row(&upstream_bars, k));
                         let strong = times(bar, strength);
-                        let (value, lamp_bars) = model.pull_back(block.seen(k), l, strong);
+                        let (value, lamp_bars) = model.pull_back(block.point(k), l, strong);
                         bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, value));
                         if GEOMETRY {
@@ -182,7 +182,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                             below: scaled(weights[0], strong),
                             above: scaled(weights[1], strong),
                         };
-                        let (value, lamp_bars) = model.pull_back_everywhere(block.seen(k), layers);
+                        let (value, lamp_bars) = model.pull_back_everywhere(block.point(k), layers);
                         bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, counted(value, weights)));
                     }

@@ -29,7 +29,7 @@ use std::f64::consts::FRAC_1_PI;
 
 use bokashi_core::Scalar;
 
-use super::model::{Bars, Layers, Model, Seen};
+use super::model::{Bars, Layers, Model, ShadingPoint};
 use crate::vector::{Vector3, dot, plus, scaled};
 
 /// Materials are a colour.
@@ -69,14 +69,18 @@ impl Model<3> for Lambert {
     const PARTS: &'static [(&'static str, usize)] = &[("colours", 3)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, Seen { n, material, .. }: Seen<T, 3>, l: Vector3<T>) -> [T; 3] {
+    fn reflect<T: Scalar>(
+        self,
+        ShadingPoint { n, material, .. }: ShadingPoint<T, 3>,
+        l: Vector3<T>,
+    ) -> [T; 3] {
         scaled(incident(n, l).0 * T::from_f64(FRAC_1_PI), material)
     }
 
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        Seen { n, material: color, .. }: Seen<T, 3>,
+        ShadingPoint { n, material: color, .. }: ShadingPoint<T, 3>,
         l: Vector3<T>,
         bar: [T; 3],
     ) -> ([T; 3], Bars<T, 3>) {
@@ -93,17 +97,17 @@ impl Model<3> for Lambert {
     }
 
     #[inline(always)]
-    fn everywhere<T: Scalar>(self, seen: Seen<T, 3>) -> Layers<T> {
-        Layers { below: seen.material, above: [T::ZERO; 3] }
+    fn everywhere<T: Scalar>(self, point: ShadingPoint<T, 3>) -> Layers<T> {
+        Layers { below: point.material, above: [T::ZERO; 3] }
     }
 
     #[inline(always)]
     fn pull_back_everywhere<T: Scalar>(
         self,
-        seen: Seen<T, 3>,
+        point: ShadingPoint<T, 3>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 3>) {
-        ambient(seen.material, bars)
+        ambient(point.material, bars)
     }
 }
 
@@ -203,7 +207,11 @@ impl<H: Highlight> Model<7> for H {
         &[("colours", 3), ("specular colours", 3), ("exponents", 1)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 7>, l: Vector3<T>) -> [T; 3] {
+    fn reflect<T: Scalar>(
+        self,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 7>,
+        l: Vector3<T>,
+    ) -> [T; 3] {
         let (color, specular, e) = split(material);
         let (e, _) = exponent(e);
         let (nl, _) = incident(n, l);
@@ -215,7 +223,7 @@ impl<H: Highlight> Model<7> for H {
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        Seen { n, v, material }: Seen<T, 7>,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 7>,
         l: Vector3<T>,
         bar: [T; 3],
     ) -> ([T; 3], Bars<T, 7>) {
@@ -248,16 +256,16 @@ impl<H: Highlight> Model<7> for H {
     }
 
     #[inline(always)]
-    fn everywhere<T: Scalar>(self, seen: Seen<T, 7>) -> Layers<T> {
-        Layers { below: split(seen.material).0, above: [T::ZERO; 3] }
+    fn everywhere<T: Scalar>(self, point: ShadingPoint<T, 7>) -> Layers<T> {
+        Layers { below: split(point.material).0, above: [T::ZERO; 3] }
     }
 
     #[inline(always)]
     fn pull_back_everywhere<T: Scalar>(
         self,
-        seen: Seen<T, 7>,
+        point: ShadingPoint<T, 7>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 7>) {
-        ambient(split(seen.material).0, bars)
+        ambient(split(point.material).0, bars)
     }
 }

@@ -45,7 +45,7 @@ use std::f64::consts::FRAC_1_PI;
 use bokashi_core::Scalar;
 
 use super::albedo;
-use super::model::{Bars, Layers, Model, Seen};
+use super::model::{Bars, Layers, Model, ShadingPoint};
 use crate::vector::{Vector3, cross, dot, plus, scaled};
 
 /// The least roughness that is told from a smaller one: of a narrower lobe the rounding errors of f32
@@ -247,7 +247,11 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         &[("base colours", 3), ("roughness", 1), ("metallic", 1)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>, l: Vector3<T>) -> [T; 3] {
+    fn reflect<T: Scalar>(
+        self,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 5>,
+        l: Vector3<T>,
+    ) -> [T; 3] {
         let substance = Substance::new(material);
         let t = Terms::new(n, v, l, &substance);
         let glass = T::from_f64(DIELECTRIC);
@@ -273,7 +277,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        Seen { n, v, material }: Seen<T, 5>,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 5>,
         l: Vector3<T>,
         bar: [T; 3],
     ) -> ([T; 3], Bars<T, 5>) {
@@ -371,7 +375,10 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     }
 
     #[inline(always)]
-    fn everywhere<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>) -> Layers<T> {
+    fn everywhere<T: Scalar>(
+        self,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 5>,
+    ) -> Layers<T> {
         let substance = Substance::new(material);
         Self::layers(&substance, &Shares::new(facing(n, v).0, substance.roughness, CONSERVING))
     }
@@ -379,7 +386,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     #[inline(always)]
     fn pull_back_everywhere<T: Scalar>(
         self,
-        Seen { n, v, material }: Seen<T, 5>,
+        ShadingPoint { n, v, material }: ShadingPoint<T, 5>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 5>) {
         let substance = Substance::new(material);

@@ -4,9 +4,9 @@ use bokashi_core::Scalar;
 
 use crate::vector::Vector3;
 
-/// A place of a surface, as it is seen. Directions are unit vectors that point away from the surface.
+/// A point of a surface, as the camera sees it. Directions are unit vectors that point away from the surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<T, const M: usize> {
+pub(super) struct ShadingPoint<T, const M: usize> {
     /// The normal.
     pub(super) n: Vector3<T>,
     /// The direction to the eye.
@@ -14,7 +14,7 @@ pub(super) struct Seen<T, const M: usize> {
     pub(super) material: [T; M],
 }
 
-/// What a gradient leads to, at a place of a surface.
+/// Gradients of what is given at a point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bars<T, const M: usize> {
     pub(super) normal: Vector3<T>,
@@ -38,23 +38,23 @@ pub(super) trait Model<const M: usize>: Copy + Send + Sync + 'static {
     const PARTS: &'static [(&'static str, usize)];
 
     /// The BRDF times `max(n . l, 0)`: radiance per irradiance that faces the light in direction `l`.
-    fn reflect<T: Scalar>(self, seen: Seen<T, M>, l: Vector3<T>) -> [T; 3];
+    fn reflect<T: Scalar>(self, point: ShadingPoint<T, M>, l: Vector3<T>) -> [T; 3];
 
     /// The same, and the gradients that its gradient `bar` leads to.
     fn pull_back<T: Scalar>(
         self,
-        seen: Seen<T, M>,
+        point: ShadingPoint<T, M>,
         l: Vector3<T>,
         bar: [T; 3],
     ) -> ([T; 3], Bars<T, M>);
 
     /// What reaches the eye of light that has the radiance 1 from everywhere.
-    fn everywhere<T: Scalar>(self, seen: Seen<T, M>) -> Layers<T>;
+    fn everywhere<T: Scalar>(self, point: ShadingPoint<T, M>) -> Layers<T>;
 
     /// The same, and the gradients that its gradients `bars` lead to, none of them to a light.
     fn pull_back_everywhere<T: Scalar>(
         self,
-        seen: Seen<T, M>,
+        point: ShadingPoint<T, M>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, M>);
 }

@@ -26,12 +26,12 @@ mod textured;
 use bokashi_core::parallel::write_each;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
-use self::textured::{Bars, SeenBar, Textured};
+use self::textured::{Bars, CornerTangentBar, Textured};
 use crate::corner_sums::{add_by_vertex, sum_over};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
 use crate::rows::Rows;
-use crate::vector::{Direction, Vector3, across, dot, scaled, sum};
+use crate::vector::{Direction, Vector3, direction_bar, dot, scaled, sum};
 
 /// Faces, and texture coordinates, in one piece of work.
 const PER_PIECE: usize = 1 << 10;
@@ -149,10 +149,10 @@ impl Tangents {
         let Some(textured) = self.textured(inputs, face) else { return part };
         part.is_mirrored = textured.is_mirrored;
         for k in 0..3 {
-            if let Some(seen) = textured.seen(k) {
-                part.weights[k] = seen.angle();
-                part.directions[k] = seen.direction();
-                part.doubts[k] = seen.doubt;
+            if let Some(tangent) = textured.corner_tangent(k) {
+                part.weights[k] = tangent.angle();
+                part.directions[k] = tangent.direction();
+                part.doubts[k] = tangent.doubt;
             }
         }
         part
@@ -175,10 +175,10 @@ impl Tangents {
             if sum.length == T::Wide::ZERO || sum.is_mirrored != textured.is_mirrored {
                 return None;
             }
-            let seen = textured.seen(k)?;
+            let tangent = textured.corner_tangent(k)?;
             let direction_bar = scaled(part.weights[k], sum_bar);
-            let angle_bar = dot(seen.direction(), sum_bar);
-            Some((seen, SeenBar { direction_bar, angle_bar }))
+            let angle_bar = dot(tangent.direction(), sum_bar);
+            Some((tangent, CornerTangentBar { direction_bar, angle_bar }))
         }))
     }
 }
@@ -224,10 +224,7 @@ impl<S: Scalar> Sum<S> {
 
     /// The gradient of the sum.
     fn pull_back(&self, tangent_bar: Vector3<S>) -> Vector3<S> {
-        if self.length == S::ZERO {
-            return [S::ZERO; 3];
-        }
-        scaled(S::ONE / self.length, across(self.tangent, tangent_bar))
+        direction_bar(self.tangent, self.length, tangent_bar)
     }
 
     fn row<T: Scalar<Wide = S>>(&self) -> [T; 4] {

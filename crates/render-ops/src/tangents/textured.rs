@@ -45,8 +45,8 @@ pub(super) struct Textured<S> {
     error: S,
 }
 
-/// What a corner sees.
-pub(super) struct Seen<S> {
+/// The tangent at a corner, and its angle.
+pub(super) struct CornerTangent<S> {
     /// The unit normal.
     m: Vector3<S>,
     direction: Direction<S>,
@@ -57,7 +57,7 @@ pub(super) struct Seen<S> {
     pub(super) doubt: S,
 }
 
-impl<S: Scalar> Seen<S> {
+impl<S: Scalar> CornerTangent<S> {
     pub(super) fn direction(&self) -> Vector3<S> {
         self.direction.unit
     }
@@ -67,8 +67,8 @@ impl<S: Scalar> Seen<S> {
     }
 }
 
-/// The gradient of what a corner sees.
-pub(super) struct SeenBar<S> {
+/// The gradient of a corner's tangent.
+pub(super) struct CornerTangentBar<S> {
     pub(super) direction_bar: Vector3<S>,
     pub(super) angle_bar: S,
 }
@@ -130,9 +130,9 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         [edges[(corner + 2) % 3], edges[(corner + 1) % 3].map(|entry| -entry)]
     }
 
-    /// What a corner sees.
+    /// The tangent at a corner, and its angle.
     #[inline(always)]
-    pub(super) fn seen(&self, corner: usize) -> Option<Seen<S>> {
+    pub(super) fn corner_tangent(&self, corner: usize) -> Option<CornerTangent<S>> {
         let m = self.normals[corner]?;
         let direction = Direction::beyond(across(m, self.t), self.error)?;
         let [a, b] = self.edges_at(corner);
@@ -143,29 +143,35 @@ impl<S: Scalar<Wide = S>> Textured<S> {
             return None;
         }
         let doubt = self.error * direction.factor / direction.length;
-        Some(Seen { m, direction, area, product, doubt })
+        Some(CornerTangent { m, direction, area, product, doubt })
     }
 
-    /// The gradients of the corners, from what each corner sees and the gradient of that.
+    /// The gradients of the corners, from each corner's tangent and its gradient.
     #[inline(always)]
-    pub(super) fn pull_back(&self, corners: [Option<(Seen<S>, SeenBar<S>)>; 3]) -> Bars<S> {
+    pub(super) fn pull_back(
+        &self,
+        corners: [Option<(CornerTangent<S>, CornerTangentBar<S>)>; 3],
+    ) -> Bars<S> {
         let mut bars = Bars::ZERO;
         let Facet { normal, area, factor, apex, .. } = self.facet;
         let c = scaled(area, normal);
         let (mut c_bar, mut t_bar, mut edge_bars) = ([S::ZERO; 3], [S::ZERO; 3], [[S::ZERO; 3]; 3]);
         for (k, corner) in corners.into_iter().enumerate() {
-            let Some((seen, SeenBar { direction_bar, angle_bar })) = corner else { continue };
-            let m = seen.m;
-            let q_bar = seen.direction.pull_back(direction_bar);
+            let Some((tangent, CornerTangentBar { direction_bar, angle_bar })) = corner else {
+                continue;
+            };
+            let m = tangent.m;
+            let q_bar = tangent.direction.pull_back(direction_bar);
             let along = dot(m, q_bar);
             t_bar = sum(t_bar, across(m, q_bar));
             let [a, b] = self.edges_at(k);
             let [along_a, along_b] = [a, b].map(|edge| dot(m, edge));
             let [a, b] = [a, b].map(|edge| across(m, edge));
-            let h = seen.area * seen.area + seen.product * seen.product;
+            let h = tangent.area * tangent.area + tangent.product * tangent.product;
             let share = angle_bar / h;
-            let area_bar = share * if seen.area < S::ZERO { -seen.product } else { seen.product };
-            let product_bar = -(share * seen.area.abs());
+            let area_bar =
+                share * if tangent.area < S::ZERO { -tangent.product } else { tangent.product };
+            let product_bar = -(share * tangent.area.abs());
             let m_bar = difference(
                 scaled(area_bar, c),
                 sum(scaled(dot(m, self.t), q_bar), scaled(along, self.t)),

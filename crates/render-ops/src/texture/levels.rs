@@ -22,15 +22,15 @@ pub struct CubeMap<'t, T: Scalar> {
     pub(super) levels: Vec<Var<'t, T>>,
 }
 
-/// A texture that does not change, which outlives a step: see [`Texture::still`].
+/// A texture that does not change, which outlives a step: see [`Texture::constant`].
 #[derive(Debug, Clone)]
-pub struct StillTexture<T: Scalar> {
+pub struct ConstantTexture<T: Scalar> {
     levels: Vec<Tensor<T>>,
 }
 
-/// A cube map that does not change, which outlives a step: see [`CubeMap::still`].
+/// A cube map that does not change, which outlives a step: see [`CubeMap::constant`].
 #[derive(Debug, Clone)]
-pub struct StillCubeMap<T: Scalar> {
+pub struct ConstantCubeMap<T: Scalar> {
     levels: Vec<Tensor<T>>,
 }
 
@@ -164,12 +164,12 @@ impl<'t, T: Scalar> Texture<'t, T> {
 
     /// The texture without its tape, for other steps and other tapes: of texels that do not change, whose
     /// mipmaps need be made once. It copies nothing.
-    pub fn still(&self) -> StillTexture<T> {
-        StillTexture { levels: self.levels.iter().map(|level| level.value()).collect() }
+    pub fn constant(&self) -> ConstantTexture<T> {
+        ConstantTexture { levels: self.levels.iter().map(|level| level.value()).collect() }
     }
 }
 
-impl<T: Scalar> StillTexture<T> {
+impl<T: Scalar> ConstantTexture<T> {
     /// The texture on `tape`, as constants: samples of it have no gradient of the texels. It copies
     /// nothing.
     pub fn on<'t>(&self, tape: &'t Tape<T>) -> Texture<'t, T> {
@@ -267,14 +267,14 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
         &self.levels
     }
 
-    /// The cube map without its tape, as in [`Texture::still`].
-    pub fn still(&self) -> StillCubeMap<T> {
-        StillCubeMap { levels: self.levels.iter().map(|level| level.value()).collect() }
+    /// The cube map without its tape, as in [`Texture::constant`].
+    pub fn constant(&self) -> ConstantCubeMap<T> {
+        ConstantCubeMap { levels: self.levels.iter().map(|level| level.value()).collect() }
     }
 }
 
-impl<T: Scalar> StillCubeMap<T> {
-    /// The cube map on `tape`, as in [`StillTexture::on`].
+impl<T: Scalar> ConstantCubeMap<T> {
+    /// The cube map on `tape`, as in [`ConstantTexture::on`].
     pub fn on<'t>(&self, tape: &'t Tape<T>) -> CubeMap<'t, T> {
         CubeMap { levels: constants(&self.levels, tape) }
     }

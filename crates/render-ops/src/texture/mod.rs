@@ -38,6 +38,6 @@ mod texels;
 mod tiles;
 mod values;
 
-pub use self::levels::{CubeMap, StillCubeMap, StillTexture, Texture};
+pub use self::levels::{ConstantCubeMap, ConstantTexture, CubeMap, Texture};
 pub use self::options::{Detail, MOST_PROBES, Sampler, TextureBorder, TextureFilter};
 pub use self::sample::{sample_cube_map, sample_texture};

@@ -38,7 +38,7 @@ use crate::error::RenderError;
 use crate::facet::Facet;
 use crate::mesh::Mesh;
 use crate::rows::Rows;
-use crate::vector::{Vector3, across, dot, scaled, sum};
+use crate::vector::{Vector3, direction_bar, dot, scaled, sum};
 
 /// How much each face around a vertex counts for the vertex's normal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -163,10 +163,7 @@ impl<S: Scalar<Wide = S>> Sum<S> {
 
     /// The gradient of the sum.
     fn pull_back(&self, normal_bar: Vector3<S>) -> Vector3<S> {
-        if self.length == S::ZERO {
-            return [S::ZERO; 3];
-        }
-        scaled(S::ONE / self.length, across(self.normal, normal_bar))
+        direction_bar(self.normal, self.length, normal_bar)
     }
 }
 

@@ -58,7 +58,7 @@ fn results<T: Scalar>(case: Case, is_by_rows: bool) -> Bits {
     let fragments = fragments::<T>(&tape, size, sampling);
     let values = numbers(&[fragments.coverage.count(), 2]);
     let values = if learns[0] { tape.leaf(&values) } else { tape.constant(&values) };
-    let fragments = if learns[0] { fragments } else { fragments.still().on(&tape) };
+    let fragments = if learns[0] { fragments } else { fragments.constant().on(&tape) };
     let sigma = Tensor::scalar(T::from_f64(sigma));
     let sigma = if learns[1] { tape.leaf(&sigma) } else { tape.constant(&sigma) };
     let [color, shape] = [numbers(&[2]), numbers(&[size.height, size.width, 2])];

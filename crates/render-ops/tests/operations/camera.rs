@@ -292,17 +292,17 @@ fn the_rim_is_where_the_polynomial_turns_round() {
 fn what_lies_farther_out_is_shown_farther_out_up_to_the_plane_of_the_eye_and_behind_it() {
     for lens in LENSES {
         let radial = [lens[0], lens[1], 0.0, 0.0, lens[4]];
-        let (mut last, rim) = (0.0, distortion_radius(lens));
+        let (mut last, limit) = (0.0, distortion_radius(lens));
         for k in 1..2000 {
-            let r = 3.0 * rim * k as f64 / 2000.0;
+            let r = 3.0 * limit * k as f64 / 2000.0;
             let shown = distorted(radial, DVec3::new(r, 0.0, 1.0)).x;
             assert!(shown > last, "{lens:?} at {r}: {shown} after {last}");
             last = shown;
         }
-        // No leap at the rim, and none where Z becomes 0, or negative.
+        // No leap at the limit, and none where Z becomes 0, or negative.
         let direction = DVec2::from_angle(0.7);
         let [inside, outside] = [1.0 - 1e-12, 1.0 + 1e-12]
-            .map(|share| distorted(lens, (share * rim * direction).extend(1.0)));
+            .map(|share| distorted(lens, (share * limit * direction).extend(1.0)));
         assert!(inside.abs_diff_eq(outside, 1e-9 * inside.length()), "{inside} {outside}");
         let beside =
             [1e-300, 0.0, -1e-300, -2.0].map(|z| distorted(lens, direction.extend(z)).truncate());
@@ -331,10 +331,10 @@ fn the_axis_behind_the_camera_and_points_of_any_size_have_a_result() {
 fn undistorting_a_distorted_point_gives_the_point_back() {
     for lens in LENSES {
         for k in 0..200 {
-            let rim = distortion_radius(lens).min(4.0);
-            let radius = rim * 1.5 * ((k * 37 % 200) as f64 / 200.0);
-            if (radius / rim - 1.0).abs() < 0.02 {
-                // At the rim the slope is 0: half of the digits are lost.
+            let limit = distortion_radius(lens).min(4.0);
+            let radius = limit * 1.5 * ((k * 37 % 200) as f64 / 200.0);
+            if (radius / limit - 1.0).abs() < 0.02 {
+                // At the limit the slope is 0: half of the digits are lost.
                 continue;
             }
             let point = radius * DVec2::from_angle(0.1 * k as f64);

@@ -66,7 +66,7 @@ fn the_rim_is_before_a_pole() {
     assert!(found.is_finite());
     assert_eq!(distortion_radius(LENSES[1]), 16.0);
     // The radial part of the first is largest there.
-    let rim = distortion_radius(LENSES[0]);
+    let limit = distortion_radius(LENSES[0]);
     let [k1, k2, _, _, k3, k4, k5, k6] = LENSES[0];
     let radius = |r: f64| {
         let s = r * r;
@@ -74,7 +74,7 @@ fn the_rim_is_before_a_pole() {
         r * upper / (1.0 + s * (k4 + s * (k5 + s * k6)))
     };
     let most = (1..16000).map(|k| 1e-3 * k as f64).find(|&r| radius(r + 1e-3) < radius(r));
-    assert!((most.unwrap() - rim).abs() < 2e-3, "{rim} and not {most:?}");
+    assert!((most.unwrap() - limit).abs() < 2e-3, "{limit} and not {most:?}");
 }
 
 #[test]

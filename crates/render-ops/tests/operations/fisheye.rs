@@ -104,7 +104,7 @@ fn what_lies_farther_out_is_shown_farther_out_and_beyond_the_image_ends_behind()
             .collect();
         assert!(angles.windows(2).all(|pair| pair[0] < pair[1]), "{lens:?}");
         assert!((angles[999] - PI).abs() < 1e-12);
-        // No leap at the rim; and around the axis behind the camera all directions meet.
+        // No leap at the limit; and around the axis behind the camera all directions meet.
         let beside =
             [1.0 - 1e-12, 1.0 + 1e-12].map(|share| point_at_angle(share * limit, 0.4, 2.0));
         let [inside, outside] = [0, 1].map(|k| shown(lens, &beside)[k]);

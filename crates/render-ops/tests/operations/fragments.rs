@@ -35,14 +35,14 @@ fn drawn(fragments: &Fragments<'_, f64>) -> Vec<Tensor<f64>> {
 }
 
 #[test]
-fn still_fragments_are_the_same_to_every_operation_on_later_steps_and_other_tapes() {
+fn constant_fragments_are_the_same_to_every_operation_on_later_steps_and_other_tapes() {
     for sampling in [Sampling::Center, Sampling::Exact] {
         let mut tape = Tape::new();
-        let (still, expected) = {
+        let (constant, expected) = {
             let (clip, whole) = fragments(&tape);
             let options = RasterOptions::new(Size::square(6)).sampling(sampling);
             let fragments = rasterize(clip, whole.coverage.mesh(), options.creases(&[])).unwrap();
-            (fragments.still(), drawn(&fragments))
+            (fragments.constant(), drawn(&fragments))
         };
         for _ in 0..2 {
             tape.reset();
@@ -50,14 +50,14 @@ fn still_fragments_are_the_same_to_every_operation_on_later_steps_and_other_tape
             let (clip, whole) = fragments(&tape);
             let options = RasterOptions::new(Size::square(5)).sampling(sampling);
             rasterize(clip * 0.7, whole.coverage.mesh(), options.creases(&[])).unwrap();
-            let again = still.on(&tape);
+            let again = constant.on(&tape);
             assert!(!again.clip.needs_gradient() && !again.barycentrics.needs_gradient());
             assert_eq!(drawn(&again), expected);
         }
-        let elsewhere = still.clone();
+        let elsewhere = constant.clone();
         let there = thread::spawn(move || drawn(&elsewhere.on(&Tape::new())));
         assert_eq!(there.join().unwrap(), expected);
-        assert!(Arc::ptr_eq(still.coverage(), &still.on(&Tape::new()).coverage));
+        assert!(Arc::ptr_eq(constant.coverage(), &constant.on(&Tape::new()).coverage));
     }
 }
 

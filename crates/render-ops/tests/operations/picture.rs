@@ -64,8 +64,9 @@ fn a_colour_is_the_background_that_an_image_of_it_is() {
                     Sampling::Exact => picture.into(),
                 };
                 let image = picture.image().unwrap();
-                let has_rim = image.value() != without || fragments.coverage.boundary().count() > 0;
-                assert!(has_rim);
+                let has_blended =
+                    image.value() != without || fragments.coverage.boundary().count() > 0;
+                assert!(has_blended);
                 image
             });
         assert_eq!(by_color.value(), by_image.value());

@@ -32,19 +32,19 @@ fn levels_that_a_sampler_does_not_use_need_not_be_made() {
 }
 
 #[test]
-fn still_textures_are_the_same_on_later_steps_and_other_tapes() {
+fn constant_textures_are_the_same_on_later_steps_and_other_tapes() {
     let mut tape = Tape::<f64>::new();
-    let (still, still_map) = {
+    let (constant, constant_map) = {
         let texels =
             [motley([9, 12, 3], 1), motley([6, 9, 9, 3], 2)].map(|texels| tape.leaf(&texels));
         let [texture, map] = texels;
         (
-            Texture::with_mipmaps(texture).unwrap().still(),
-            CubeMap::with_mipmaps(map).unwrap().still(),
+            Texture::with_mipmaps(texture).unwrap().constant(),
+            CubeMap::with_mipmaps(map).unwrap().constant(),
         )
     };
     let sampled = |tape: &Tape<f64>| {
-        let (texture, map) = (still.on(tape), still_map.on(tape));
+        let (texture, map) = (constant.on(tape), constant_map.on(tape));
         assert!(texture.levels().iter().chain(map.levels()).all(|level| !level.needs_gradient()));
         let (uv, towards) = (tape.leaf(&coordinates(50)), tape.leaf(&motley([50, 3], 4)));
         let detail = Detail::Level(tape.leaf_scalar(1.3));
@@ -53,7 +53,7 @@ fn still_textures_are_the_same_on_later_steps_and_other_tapes() {
         let gradients = (flat * round).sum().backward().unwrap();
         [flat.value(), round.value(), gradients.get_or_zeros(uv), gradients.get_or_zeros(towards)]
     };
-    assert_eq!((still.levels().len(), still_map.levels().len()), (4, 4));
+    assert_eq!((constant.levels().len(), constant_map.levels().len()), (4, 4));
     let expected = sampled(&Tape::new());
     for _ in 0..2 {
         tape.reset();

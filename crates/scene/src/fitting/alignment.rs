@@ -1,13 +1,13 @@
-//! Views that are held out are aligned before they are scored: what they have of their own is fitted to their images,
-//! and everything else stands still.
+//! Alignment of held-out views before they are scored: a view's parameters, such as its camera, are fitted to its
+//! image, and all others stay as they are.
 //!
-//! Steps move what views have of their own, such as cameras, of views that are learnt from. A view that is held out
-//! would be measured with the error of a camera that nobody learnt. So its own numbers alone are learnt at the end, by
-//! the loss of the fit, from small images to larger ones. That is the custom of the field where cameras are learnt
-//! (Wang et al., *NeRF--*, 2021, section 4; Lin et al., *BARF*, ICCV 2021, section 4).
+//! Steps of a fit learn the cameras of the views that they draw. A held-out view would be scored with the error of a
+//! camera that was never learnt. So its parameters alone are fitted at the end, by the loss of the fit, from small
+//! images to larger ones. That is usual where cameras are learnt: Wang et al., *NeRF--*, 2021, section 4, and Lin et
+//! al., *BARF*, ICCV 2021, section 4.
 //!
-//! The scene's own numbers are where it starts, whatever was aligned before, and steps know nothing of it. So it is
-//! the same after any interruption. Each view is a fit of its own, on one thread, so its bits depend on nothing else.
+//! An alignment starts from the numbers of the scene, whatever was aligned before, and steps do not see its result. So
+//! it is the same after any interruption. Each view is fitted on one thread, so its bits depend on no other view.
 
 use std::ops::Range;
 
@@ -21,12 +21,12 @@ use crate::learnables::Values;
 use crate::renderer::Renderer;
 use crate::targets::{Targets, fit_error};
 
-/// How views are aligned, one level after another.
+/// A level of the alignment: image size and rate.
 struct Level {
     /// The most pixels along the shorter side of an image; at least half of them, where it has as many.
     side: usize,
     steps: u64,
-    /// The rate of the first step, as a multiple of the one of the fit.
+    /// The rate of the first step, over the rate of the fit.
     rate: f64,
 }
 
@@ -37,9 +37,9 @@ const LEVELS: [Level; 3] = [
     Level { side: 320, steps: 20, rate: 1.0 },
 ];
 
-/// What was aligned.
+/// The result of an alignment.
 pub(super) struct Aligned {
-    /// The parameters of the fit, with what views that are held out have of their own.
+    /// The parameters of the fit, with the aligned numbers of held-out views.
     pub(super) parameters: Parameters<f32>,
     pub(super) views: Vec<AlignedView>,
 }
@@ -47,41 +47,41 @@ pub(super) struct Aligned {
 /// A view that was aligned.
 pub(super) struct AlignedView {
     pub(super) view: usize,
-    /// Its PSNR before.
+    /// The PSNR before the alignment.
     pub(super) psnr_before: Option<f64>,
 }
 
-/// Numbers of a parameter that a view has of its own.
+/// The numbers of a parameter that belong to one view.
 pub(super) struct Own {
-    /// The parameter.
+    /// The name of the parameter.
     pub(super) name: String,
-    /// The rate at which they are learnt of other views.
+    /// The rate at which the fit learns the numbers of other views.
     pub(super) rate: f64,
     pub(super) numbers: Range<usize>,
 }
 
 impl Aligned {
-    /// The PSNR of a view before it was aligned, if it was.
+    /// The PSNR of a view before its alignment, if it was aligned.
     pub(super) fn psnr_before(&self, view: usize) -> Option<f64> {
         self.views.iter().find(|aligned| aligned.view == view)?.psnr_before
     }
 }
 
-/// What views are aligned with.
+/// The fit to which views are aligned.
 pub(super) struct Alignment<'a> {
     pub(super) renderer: &'a Renderer,
     pub(super) targets: &'a Targets,
-    /// Those of the fit.
+    /// The parameters of the fit.
     pub(super) parameters: &'a Parameters<f32>,
-    /// Their values: what nothing learns here is worked out once.
-    pub(super) still: Vec<(String, Tensor<f32>)>,
+    /// The values of the parameters, computed once: most of them are constants here.
+    pub(super) constants: Vec<(String, Tensor<f32>)>,
 }
 
 impl Alignment<'_> {
-    /// A view's own numbers, raw, where the loss of the view is least: as they are, or after the steps of all levels.
+    /// The raw numbers of a view with the least loss: those of the fit, or those after the steps of all levels.
     pub(super) fn numbers(&self, view: usize, own: &[Own]) -> Result<Vec<f32>, FitError> {
         let mut start = Parameters::new();
-        for (name, value) in &self.still {
+        for (name, value) in &self.constants {
             let parameter = Parameter::new(name, value.clone()).optional();
             let parameter = match own.iter().any(|own| own.name == *name) {
                 true => parameter.mapping(self.parameters.get(name)?.mapped_by()),
@@ -103,7 +103,7 @@ impl Alignment<'_> {
         Ok(numbers)
     }
 
-    /// The least loss of a view in the steps of a level, and the parameters there.
+    /// The least loss of a view in the steps of a level, and the parameters with this loss.
     fn descended(
         &self,
         view: usize,

@@ -1,17 +1,17 @@
-//! Fields whose surfaces are meshes: which stages learn them, what silhouettes say of their insides, and the meshes that
-//! they leave.
+//! Fields whose surfaces are meshes: checks of stages, a loss of masks for points inside and outside, and the meshes
+//! that are left when fields are no longer learnt.
 //!
-//! # What silhouettes say
-//! The loss of masks moves outlines. Where a surface covers a pixel wholly there is none, whatever the mask says, and no
-//! hole would open. Where nothing is drawn there is none either, and no handle would grow. So points add to the loss of a
-//! view:
+//! # The loss of masks
+//! The gradient of a mask moves silhouettes. A pixel that a surface covers wholly has none, so no hole would open. A
+//! pixel in which nothing is drawn has none either, so no handle would grow. So points of the field add to the loss of
+//! a view:
 //!
 //! - `-f a^2 / N`, where a point is inside and the view sees it before its background;
 //! - `f a^2 / N`, where a point is outside and its pixel is in the mask, and nothing is drawn there.
 //!
-//! `f` is the field in cells, an edge of the point's cell is `a` pixels long, and there are N pixels. So the sum is about
-//! the mean over the image of how much stands along a pixel's ray that should not, or might. It has a gradient by the
-//! field alone: where points are seen is taken as it is, with focal lengths of the file.
+//! `f` is the field in cells, an edge of the point's cell is `a` pixels long, and there are N pixels. So the sum is
+//! about the mean over pixels of the length along the ray that is wrongly inside, or wrongly outside. Only the field
+//! has a gradient. The images of points are constants, with the focal lengths of the file.
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::{FitError, Parameters};
@@ -29,10 +29,11 @@ pub(super) fn learns_fields(scene: &Scene, stage: &Stage) -> bool {
     scene.description.learn.field.is_some() && stage.learn.as_ref().is_none_or(is_named)
 }
 
-/// Checks that fields are learnt first, and alone.
+/// Checks that stages that learn fields come first, and have no `remesh` and no `texture`. They learn no vertices of
+/// meshes with a field.
 ///
 /// # Errors
-/// [`SceneError::Content`].
+/// [`SceneError::Content`] otherwise.
 pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneError> {
     if scene.description.learn.field.is_none() {
         return Ok(());
@@ -76,14 +77,14 @@ pub(super) fn check_fields(scene: &Scene, stages: &[Stage]) -> Result<(), SceneE
     }
 }
 
-/// Whether a parameter has numbers at the points of a field.
+/// Whether a parameter has values at the points of a field.
 pub(super) fn is_of_field(scene: &Scene, name: &str) -> bool {
     let mut fields = scene.objects.iter().filter(|object| object.field.is_some());
     fields
         .any(|object| [&FIELD, &COLORS].iter().any(|row| row.parameter_name(&object.name) == name))
 }
 
-/// Checks that a saved fit can go on in a stage: with fields that this learns, or with the meshes that they left.
+/// Checks that a saved fit can go on in a stage: with fields if the stage learns them, and otherwise with meshes.
 ///
 /// # Errors
 /// [`FitError::Saved`] where the stage was changed from one kind to the other.
@@ -99,7 +100,7 @@ pub(super) fn check_stage_under_way(scene: &Scene, stage: &Stage) -> Result<(), 
     Err(FitError::saved(format!("a stage under way that {rule}"), value.to_owned()))
 }
 
-/// The scene whose meshes are the surfaces that their fields have at last, and no longer follow them.
+/// The scene whose meshes are the last surfaces of their fields, without the fields.
 ///
 /// # Errors
 /// Those of a field that has no surface.
@@ -118,7 +119,7 @@ pub(super) fn settled(
     Ok(scene)
 }
 
-/// What the points of fields add to the loss of a view; `None` where nothing is wrong. `image: [H, W, 4]` has the
+/// The loss of masks for points of fields in a view; `None` where no point adds to it. `image: [H, W, 4]` has the
 /// view's mask in its last channel.
 pub(super) fn silhouette_error<'t>(
     renderer: &Renderer,

@@ -1,4 +1,4 @@
-//! Views that are held out: aligned with their images, and measured.
+//! Alignment and scores of held-out views.
 
 use bokashi_core::{Tensor, parallel};
 use bokashi_fit::{FitError, Parameters, agree, block, psnr};
@@ -8,15 +8,15 @@ use super::fit::SceneFit;
 use crate::error::SceneError;
 use crate::learnables::TABLE;
 
-/// So far a view counts at most: its errors are then below a 256th of the last of 8 bits.
+/// The largest PSNR that counts, in decibels: errors are then below a 256th of the last of 8 bits.
 const MOST_DECIBELS: f64 = 100.0;
 
 impl SceneFit {
-    /// Fits what each view that is held out has of its own, as its camera, to its image, where that was learnt of
-    /// other views. Everything else stands still. Scores, pictures and [`SceneFit::learnt`] then have it, until the
-    /// next step, which knows nothing of it. Ranks share it.
+    /// Aligns each held-out view with its image: fits its parameters, such as its camera, if the fit has learnt those
+    /// of other views. All other parameters stay as they are. Scores, pictures and [`SceneFit::learnt`] then have the
+    /// aligned numbers, up to the next step. All ranks make this call.
     ///
-    /// It costs 100 steps on each of these views, on images of at most 320 pixels along the shorter side.
+    /// It takes 100 steps on each of these views, on images of at most 320 pixels along the shorter side.
     ///
     /// # Errors
     /// Those of a step on the views.
@@ -47,17 +47,17 @@ impl SceneFit {
         Ok(())
     }
 
-    /// The views that are aligned.
+    /// The indices of the views that are aligned.
     pub fn aligned_views(&self) -> impl Iterator<Item = usize> + '_ {
         self.aligned.iter().flat_map(|aligned| aligned.views.iter().map(|aligned| aligned.view))
     }
 
-    /// What is shown of the fit: what was learnt, and of views that are aligned what is their own.
+    /// The parameters that pictures and scores show: those of the fit, with the aligned numbers of held-out views.
     pub(super) fn shown(&self) -> &Parameters<f32> {
         self.aligned.as_ref().map_or(self.fit.parameters(), |aligned| &aligned.parameters)
     }
 
-    /// What a view has of its own that steps so far have learnt of other views.
+    /// The numbers of a view that steps so far have learnt for other views.
     fn own(&self, view: usize) -> Vec<Own> {
         let begun = self.stage + usize::from(self.fit.steps_done() > 0);
         let was_learnt = |key: &str| {
@@ -80,12 +80,12 @@ impl SceneFit {
         own.collect()
     }
 
-    /// Of each view its PSNR as it is, NaN without one, and its own numbers, aligned.
+    /// The bytes of each view's PSNR before its alignment, NaN without one, and of its aligned numbers.
     fn aligned_bytes(&self, views: &[(usize, Vec<Own>)]) -> Result<Vec<u8>, SceneError> {
         let parameters = self.fit.parameters();
-        let still = parameters.iter().map(|of| (of.name().to_owned(), of.value())).collect();
+        let constants = parameters.iter().map(|of| (of.name().to_owned(), of.value())).collect();
         let Self { renderer, targets, .. } = self;
-        let alignment = Alignment { renderer, targets, parameters, still };
+        let alignment = Alignment { renderer, targets, parameters, constants };
         let mut results: Vec<_> = views.iter().map(|_| None).collect();
         parallel::write_each(&mut results, 1, |k| {
             let (view, own) = &views[k];
@@ -100,8 +100,8 @@ impl SceneFit {
         Ok(bytes)
     }
 
-    /// The mean PSNR in decibels of the views that are held out, aligned, smaller `reduce` times along each axis.
-    /// Ranks share it.
+    /// The mean PSNR in decibels of the held-out views, aligned, with images `reduce` times smaller along each axis.
+    /// All ranks make this call.
     ///
     /// # Errors
     /// As [`SceneFit::align`] and [`SceneFit::score`].

@@ -1,6 +1,7 @@
 //! Fits of scenes: stages, steps, and what came out.
 
 mod alignment;
+mod beginning;
 mod fields;
 mod fit;
 mod held_out;
@@ -10,6 +11,7 @@ mod stage;
 mod starts;
 mod surfaces;
 mod texturing;
+mod transitions;
 
 pub use self::fit::SceneFit;
 pub use self::scores::{SeenView, ViewScore};

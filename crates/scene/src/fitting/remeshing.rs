@@ -1,7 +1,7 @@
 //! Meshes that get other vertices and faces in the middle of a fit.
 //!
-//! What is learnt at vertices, and the optimizer's moments of it, is carried over to the new ones. Measures of the
-//! scene stay those of its start, so that learnt motions mean the same.
+//! Numbers at vertices, and their moments of the optimizer, are carried over to the new vertices. Measures of the scene
+//! stay those of its start, so that learnt motions keep their meaning.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -16,13 +16,13 @@ use crate::memory::OF_FACE;
 use crate::object::Object;
 use crate::scene::Scene;
 
-/// New vertices of objects, by the names of their parameters.
+/// The carries to new vertices, by the names of parameters.
 pub(super) type Carried = HashMap<String, Carry>;
 
-/// What carries numbers over to the new vertices of an object.
+/// A map from numbers at the old vertices of an object to its new vertices.
 pub(super) struct Carry {
     derived: Arc<DerivedMesh<f32>>,
-    /// Where the numbers are not at vertices: the row that each vertex has.
+    /// The row of each old vertex, for numbers that several vertices share.
     rows: Option<Vec<u32>>,
 }
 
@@ -30,7 +30,7 @@ impl Carry {
     /// The numbers at the new vertices, `[W, C]`.
     ///
     /// # Errors
-    /// [`MeshError`] for another number of rows than there were.
+    /// [`MeshError`] for another number of rows than of old vertices.
     pub(super) fn carried(&self, old: &Tensor<f32>) -> Result<Tensor<f32>, MeshError> {
         let Some(rows) = &self.rows else { return self.derived.carry(old) };
         let columns = old.shape()[1];
@@ -41,19 +41,19 @@ impl Carry {
     }
 }
 
-/// How many times more faces than equal edges make there are at most: edges are split down to two thirds of their length.
+/// The most faces over the number with equal edges: splits shorten edges to two thirds of their target.
 const MOST_SPLIT: f64 = 4.0;
 
-/// The objects whose vertices are learnt: their indices and names.
+/// The indices and names of the objects whose vertices are learnt.
 pub(super) fn learnt_objects(scene: &Scene) -> Result<Vec<(usize, String)>, SceneError> {
     let Some(entry) = &scene.description.learn.vertices else { return Ok(Vec::new()) };
     VERTICES.chosen(scene, entry.meshes.as_deref())
 }
 
-/// Checks that the meshes of a scene can get other vertices, if one of `stages` asks for it.
+/// Checks that the meshes of a scene can be remeshed, if one of `stages` asks for it.
 ///
 /// # Errors
-/// [`SceneError::Content`].
+/// [`SceneError::Content`] otherwise.
 pub(super) fn check_remeshing(scene: &Scene, stages: &[Stage]) -> Result<(), SceneError> {
     if stages.iter().all(|stage| stage.remesh.is_none()) {
         return Ok(());
@@ -82,11 +82,11 @@ pub(super) fn check_remeshing(scene: &Scene, stages: &[Stage]) -> Result<(), Sce
     Ok(())
 }
 
-/// The scene with other vertices of all objects whose vertices are learnt; `value` is that of a parameter, if it is
-/// learnt. What carries numbers over is by the names of the parameters at vertices.
+/// Remeshes all objects whose vertices are learnt. `value` returns the value of a parameter, if it is learnt. Returns
+/// the scene, and the carries by the names of parameters at vertices.
 ///
 /// # Errors
-/// [`SceneError::Content`] for a length that makes too many faces, [`SceneError::Memory`] for more than there is
+/// [`SceneError::Content`] for a length that makes too many faces; [`SceneError::Memory`] for more faces than there is
 /// room for.
 pub(super) fn remeshed(
     scene: &Scene,
@@ -114,10 +114,10 @@ pub(super) fn remeshed(
     Ok((scene, all))
 }
 
-/// Checks that there is memory for faces of such edges, and returns how many there may be at most.
+/// Checks that there is memory for faces with edges of this length. Returns the most faces that there may be.
 fn check_count(scene: &Scene, object: &Object, length: f64) -> Result<usize, SceneError> {
     let area = surface_area(&object.positions, &object.mesh)?;
-    // A face of equal edges.
+    // The area of a face with equal edges is `sqrt(3) / 4 length^2`.
     let count = area / (0.25 * 3.0_f64.sqrt() * length * length);
     let what = || format!("{:?} of {count:.0} faces", object.name);
     let bytes = (count * OF_FACE as f64) as u64;

@@ -1,4 +1,4 @@
-//! How well views are matched.
+//! Scores of views: how well they match their images.
 
 use bokashi_core::{Mask, Tape, Tensor};
 use bokashi_fit::{FitError, agree, block, iou, psnr, ssim};
@@ -8,23 +8,23 @@ use crate::error::SceneError;
 use crate::learnables::Values;
 use crate::learning::LearntRate;
 
-/// How well a view is matched.
+/// The scores of a view against its image.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewScore {
-    /// The view.
+    /// The index of the view.
     pub view: usize,
-    /// Peak signal-to-noise ratio, in decibels.
+    /// The peak signal-to-noise ratio, in decibels.
     pub psnr: Option<f64>,
-    /// Structural similarity.
+    /// The structural similarity.
     pub ssim: Option<f64>,
-    /// Intersection over union of the silhouettes, where the view has a mask.
+    /// The intersection over union of the silhouettes, where the view has a mask.
     pub silhouette_iou: Option<f64>,
     /// The PSNR before the view was aligned, if it was: see [`SceneFit::align`].
     pub psnr_before: Option<f64>,
 }
 
 impl ViewScore {
-    /// Of four numbers, each after a byte that says whether it is one.
+    /// The bytes of four numbers, each after a byte that says whether it is there.
     const BYTES: usize = 4 * 9;
 
     fn to_bytes(self) -> Vec<u8> {
@@ -46,14 +46,14 @@ impl ViewScore {
     }
 }
 
-/// A view as it is seen, and how well it is matched.
+/// A picture of a view, and its scores.
 #[derive(Debug, Clone)]
 pub struct SeenView {
-    /// How well.
+    /// The scores.
     pub score: ViewScore,
-    /// The picture, `[H, W, 3]`, as pixels stand for it.
+    /// The picture, `[H, W, 3]`, in the colour space of images.
     pub image: Tensor<f32>,
-    /// What it was compared with, if the view has an image.
+    /// The image it was compared with, if the view has one.
     pub target: Option<Tensor<f32>>,
 }
 
@@ -61,12 +61,12 @@ impl SceneFit {
     /// Draws a view and compares it with its image, if it has one.
     ///
     /// # Errors
-    /// What the operations refuse, and what is wrong with the image.
+    /// Those of the operations and of the image.
     pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
         Ok(self.seen(view)?.score)
     }
 
-    /// The scores of some views. Ranks share them, and all know them all.
+    /// The scores of some views. All ranks make this call: each draws some of the views, and all return all scores.
     ///
     /// # Errors
     /// As [`SceneFit::score`].
@@ -74,7 +74,7 @@ impl SceneFit {
         self.scores_with(views, |_| Ok(()))
     }
 
-    /// As [`SceneFit::scores`], and calls `each` with what was seen, on the rank that drew it.
+    /// As [`SceneFit::scores`], and calls `each` with the pictures, on the rank that drew them.
     ///
     /// # Errors
     /// As [`SceneFit::score`], and those of `each`.
@@ -124,30 +124,30 @@ impl SceneFit {
         Ok(SeenView { score, image, target: Some(target) })
     }
 
-    /// A view as it is seen, smaller `reduce` times along each axis: `[H, W, 3]`, as pixels stand for it.
+    /// A picture of a view, `reduce` times smaller along each axis: `[H, W, 3]`, in the colour space of images.
     ///
     /// # Errors
-    /// What the operations refuse.
+    /// Those of the operations.
     pub fn picture(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
         Ok(colors(&self.drawn(view, reduce)?))
     }
 
-    /// What a view is compared with, as [`SceneFit::picture`] has it.
+    /// The image that [`SceneFit::picture`] of a view should match.
     ///
     /// # Errors
-    /// What is wrong with the image, and for a view without one.
+    /// Those of the image; also for a view without one.
     pub fn target(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
         Ok(colors(&self.targets.get(view, reduce)?.image))
     }
 
-    /// A view as it is seen, with a fourth channel that is 1 where the objects are.
+    /// A picture of a view, with a fourth channel that is 1 where the objects are.
     fn drawn(&self, view: usize, reduce: usize) -> Result<Tensor<f32>, SceneError> {
         let tape = Tape::new();
-        let mut still = self.shown().clone();
+        let mut constant = self.shown().clone();
         for LearntRate { name, .. } in &self.rates {
-            still.set_rate(name, 0.0)?;
+            constant.set_rate(name, 0.0)?;
         }
-        let variables = still.record(&tape);
+        let variables = constant.record(&tape);
         let values = Values { tape: &tape, learnt: Some(&variables) };
         let drawn = self.renderer.draw(&values, view, reduce, true)?;
         Ok(self.renderer.image(&values, &drawn, reduce)?.value())

@@ -19,7 +19,7 @@ use crate::scene::Scene;
 use crate::stopping::StopRules;
 use crate::targets::{HUBER, Target, Targets, fit_error};
 
-/// Steps of a fit that does not say.
+/// The number of steps, where a scene does not say.
 const STEPS: usize = 1000;
 
 /// The loss of a view.
@@ -29,27 +29,27 @@ pub(super) type Loss = Box<
         + Sync,
 >;
 
-/// What draws the views of a step: another where a field got another surface.
+/// The renderer of a step's views. It is exchanged where a field has another surface.
 pub(super) type Drawing = Arc<RwLock<Arc<Renderer>>>;
 
-/// What draws views with `renderer` first.
+/// A drawing that begins with `renderer`.
 pub(super) fn drawing_of(renderer: &Arc<Renderer>) -> Drawing {
     Arc::new(RwLock::new(Arc::clone(renderer)))
 }
 
-/// One stage's steps.
+/// The pipeline of one stage.
 pub(super) struct StagePipeline {
-    /// How many steps each of the stages did that are done.
+    /// The number of steps of each stage that is over.
     pub(super) done: Vec<u64>,
     pub(super) views: Views<f32, Loss>,
     pub(super) drawing: Drawing,
     pub(super) regularizers: Arc<[Regularizer]>,
     pub(super) rules: StopRules,
-    /// How many steps were done when meshes got other vertices last.
+    /// The number of steps done before the last remeshing.
     pub(super) remeshed: Option<u64>,
-    /// The meshes that got other vertices, as they are saved.
+    /// The bytes of changed surfaces in a saved fit.
     pub(super) surfaces: Arc<[u8]>,
-    /// What the fit was given, as it is saved.
+    /// The bytes of the fit's origin in a saved fit: the scene's files and settings, and the starts of parameters.
     pub(super) origin: Arc<[u8]>,
 }
 
@@ -62,7 +62,7 @@ impl Pipeline<f32> for StagePipeline {
 
     fn save_state(&self, state: &mut Vec<u8>) {
         let Self { remeshed, .. } = *self;
-        let progress = Progress { done: self.done.clone(), seen: self.rules.seen(), remeshed };
+        let progress = Progress { done: self.done.clone(), rules: self.rules.state(), remeshed };
         progress.write(&self.surfaces, &self.origin, state);
     }
 
@@ -94,7 +94,7 @@ impl Pipeline<f32> for StagePipeline {
     }
 }
 
-/// The stages of a description: one of all steps, where it has none.
+/// The stages of a description; one stage with all steps, where it has none.
 pub(super) fn stages(description: &Description) -> Vec<Stage> {
     match description.stages.as_slice() {
         [] => vec![Stage {
@@ -110,7 +110,7 @@ pub(super) fn stages(description: &Description) -> Vec<Stage> {
     }
 }
 
-/// The views with an image that is not held out.
+/// The indices of the views that are learnt from: those with an image that are not held out.
 pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneError> {
     let views: Arc<[usize]> = scene.views_with_image(false).collect();
     if views.is_empty() {
@@ -121,7 +121,7 @@ pub(super) fn views_to_learn_from(scene: &Scene) -> Result<Arc<[usize]>, SceneEr
     Ok(views)
 }
 
-/// A rule of views that are held out has some to measure.
+/// Checks that a rule of held-out views has views to measure.
 fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
     if scene.description.stop.held_out.is_none() || scene.views_with_image(true).next().is_some() {
         return Ok(());
@@ -131,7 +131,7 @@ fn check_held_out(scene: &Scene) -> Result<(), SceneError> {
     Err(SceneError::content(Location::new(&scene.path), message))
 }
 
-/// Stages name what is learnt, and nothing else, and end by rules that have something to go by.
+/// Checks that stages name learnables of the scene, and that a rule of held-out views has views to measure.
 pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
     check_held_out(scene)?;
     let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
@@ -155,7 +155,7 @@ pub(super) fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), Sc
     }
 }
 
-/// Gives the parameters the rates of a stage.
+/// Sets the rates of the parameters for a stage. A rate of 0 freezes what the stage does not learn.
 pub(super) fn set_rates(
     parameters: &mut Parameters<f32>,
     rates: &[LearntRate],
@@ -181,12 +181,12 @@ pub(super) fn settings(stage: &Stage) -> FitSettings {
     }
 }
 
-/// How many of `count` views a step of a stage draws.
+/// The number of views, of `count`, that a step of a stage draws.
 pub(super) fn views_per_step(stage: &Stage, count: usize) -> usize {
     stage.views_per_step.map_or(1, |count| count.0).min(count)
 }
 
-/// The views of a stage.
+/// The pipeline over the views of a stage.
 pub(super) fn views_of(
     drawing: &Drawing,
     targets: &Arc<Targets>,
@@ -206,7 +206,7 @@ pub(super) fn views_of(
     views(count, loss).per_step(per_step).seed(seed)
 }
 
-/// Whether a step ended in a number that is not finite.
+/// Whether an error is that of a number that is not finite.
 pub(super) fn is_not_finite(error: &FitError) -> bool {
     match error {
         FitError::NotFinite { .. } => true,
@@ -215,7 +215,7 @@ pub(super) fn is_not_finite(error: &FitError) -> bool {
     }
 }
 
-/// How far a view is from its image.
+/// The loss of a view against its image.
 pub(super) fn loss_of_view<'t>(
     renderer: &Renderer,
     targets: &Targets,
@@ -227,7 +227,7 @@ pub(super) fn loss_of_view<'t>(
     loss_of_target(renderer, &target, targets.has_mask(view), values, view, reduce)
 }
 
-/// How far a view is from `target`, its image; `has_mask` compares silhouettes, too.
+/// The loss of a view against its image `target`. With `has_mask` the loss has a term of the silhouettes.
 pub(super) fn loss_of_target<'t>(
     renderer: &Renderer,
     target: &Target,
@@ -249,7 +249,7 @@ pub(super) fn loss_of_target<'t>(
     })
 }
 
-/// How far a drawn view is from its image, pixel by pixel.
+/// The loss of a drawn view against its image, without that of fields.
 fn error_of_view<'t>(
     renderer: &Renderer,
     target: &Target,

@@ -1,13 +1,14 @@
-//! Where poses start that are far off: rotations that are tried on small images before a fit begins.
+//! A search for starts of poses: many rotations are tried on small images before a fit begins.
 //!
-//! A fit of a pose ends in the minimum of its loss beside its start, and that is the right one from some tens of degrees
-//! away. 64 rotations leave others 30 degrees away in the mean, and at most some 60. So rotations about the mesh's middle are spread evenly over all of them, the given one first. From each a
-//! few steps are made on images so small that a step costs next to nothing; the best go on with larger images, and
-//! where the best of these is, the fit begins. Losses are those of the fit, over a few views.
+//! A fit of a pose ends in a local minimum of its loss, the right one if the start is within some tens of degrees. Of
+//! 64 rotations spread evenly over all rotations, the nearest is 30 degrees away in the mean, and at most some 60. So
+//! such rotations about the mesh's middle are tried, the given pose first. Each takes a few steps on images so small
+//! that a step costs next to nothing. The best go on with larger images, and the fit begins with the best of all.
+//! Losses are those of the fit, over a few views.
 //!
-//! With several meshes each is turned in its turn, in their order, while the others stand where they were found.
+//! Several meshes are turned one after another, in their order, while the others keep the poses found so far.
 //!
-//! Each start is a fit of its own, on one thread, so its bits depend on nothing else.
+//! Each start is fitted on one thread, so its bits depend on no other start.
 //!
 //! # Source
 //! Alexa, *Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling of SO(3)*, CVPR 2022, algorithm 1.
@@ -29,9 +30,9 @@ use crate::learnables::{POSE, Values};
 use crate::renderer::Renderer;
 use crate::targets::{Targets, fit_error};
 
-/// How starts are tried, the best of those before.
+/// A level of the search. Each level goes on with the best starts of the level before.
 struct Level {
-    /// How many at most.
+    /// The most starts that are tried.
     count: usize,
     /// The most pixels along the shorter side of an image; at least half of them, where it has as many.
     side: usize,
@@ -48,16 +49,16 @@ const LEVELS: [Level; 4] = [
     Level { count: 2, side: 64, steps: 20, rate: 0.02 },
 ];
 
-/// Of two starts that came as near to each other, in degrees, one goes on.
+/// Of two starts whose rotations are less than so many degrees apart, one goes on.
 const SAME: f64 = 10.0;
 
-/// A start that was taken.
+/// The start that was chosen for a pose.
 pub(super) struct Start {
-    /// The parameter.
+    /// The name of the parameter.
     pub(super) name: String,
-    /// Its value.
+    /// The value of the parameter.
     pub(super) motion: [f32; 6],
-    /// Which it was, from 0, of how many.
+    /// The number of the start, from 0, and how many there are.
     number: usize,
     count: usize,
 }
@@ -71,7 +72,7 @@ impl fmt::Display for Start {
     }
 }
 
-/// A start under way: where it came to, and the loss there.
+/// A start under way, with its present motion and loss.
 #[derive(Clone, Copy)]
 struct Candidate {
     number: usize,
@@ -82,7 +83,7 @@ struct Candidate {
 /// The bytes of a candidate.
 const BYTES: usize = 40;
 
-/// What starts are tried with.
+/// The fit for which starts are searched.
 pub(super) struct Search<'a> {
     renderer: &'a Renderer,
     targets: &'a Targets,
@@ -92,7 +93,7 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// The search that the scene asks for, if it does.
+    /// The search that the scene asks for, if it asks for one.
     pub(super) fn new(
         renderer: &'a Arc<Renderer>,
         targets: &'a Targets,
@@ -104,7 +105,7 @@ impl<'a> Search<'a> {
         Some(Self { renderer, targets, ranks, views: scene.searched_views(), rotations })
     }
 
-    /// The best start of each pose among the parameters, the others as they are. Ranks share this call.
+    /// The best start of each pose that has several. All ranks make this call.
     ///
     /// # Errors
     /// Those of a step on the views.
@@ -132,7 +133,7 @@ impl<'a> Search<'a> {
         Ok(poses)
     }
 
-    /// The candidates after a level's steps, those of each rank by itself.
+    /// The candidates after the steps of a level. Each rank refines some of them.
     fn tried(
         &self,
         level: &Level,
@@ -157,13 +158,13 @@ impl<'a> Search<'a> {
         Ok(all.iter().flat_map(|bytes| bytes.as_chunks().0).map(Candidate::from_bytes).collect())
     }
 
-    /// How many times smaller the image of a view is at a level.
+    /// The factor by which the image of a view is smaller at a level.
     fn reduce(&self, level: &Level, view: usize) -> usize {
         let size = self.renderer.scene().views[view].camera.size;
         size.width.min(size.height).div_ceil(level.side)
     }
 
-    /// A candidate after a level's steps: where its loss was least.
+    /// A candidate after the steps of a level: its motion with the least loss.
     fn refined(
         &self,
         level: &Level,
@@ -231,7 +232,8 @@ impl Candidate {
     }
 }
 
-/// At most so many of the candidates, from the best, none turned as one before; the first of equal ones.
+/// At most `count` candidates, from the best on, whose rotations are all [`SAME`] apart and more; the first of equal
+/// ones.
 fn best_apart(candidates: &[Candidate], count: usize) -> Vec<Candidate> {
     if count >= candidates.len() {
         return candidates.to_vec();
@@ -256,7 +258,7 @@ fn turn(motion: &[f32; 6]) -> DQuat {
     DQuat::from_scaled_axis(DVec3::new(x, y, z))
 }
 
-/// So many rotations, spread evenly, the identity first.
+/// `count` rotations that are spread evenly, the identity first.
 ///
 /// `q_k` lie on a spiral; `g q_k q_0^-1 g^-1` are as even, and begin with the identity. `g` follows from the seed.
 fn rotations(count: usize, seed: u64) -> Vec<DQuat> {

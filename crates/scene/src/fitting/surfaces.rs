@@ -1,4 +1,4 @@
-//! Surfaces that a fit changed: taken from its scene to be saved, and put into the scene that it goes on with.
+//! Surfaces that a fit has changed: taken from its scene to be saved, and put into the scene when it is resumed.
 
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
@@ -21,11 +21,11 @@ fn rows<const N: usize>(tensor: &Tensor<f32>) -> Vec<[f32; N]> {
 }
 
 impl Surface {
-    /// The surfaces that were changed: of objects whose vertices are learnt if any was `remeshed`, of those that a field
-    /// left behind, and of those that got a texture.
+    /// The changed surfaces of a scene: of objects whose vertices are learnt if any was `remeshed`, of objects that had
+    /// a field, and of those that got a texture.
     ///
     /// # Errors
-    /// None: those of names that nothing has.
+    /// Those of names of meshes that are not there; no scene of a fit has one.
     pub(super) fn all(scene: &Scene, remeshed: bool) -> Result<Vec<Self>, SceneError> {
         let mut changed = if remeshed { learnt_objects(scene)? } else { Vec::new() };
         if let Some(entry) = &scene.description.learn.field {
@@ -45,8 +45,8 @@ impl Surface {
     /// Puts the surface into a scene.
     ///
     /// # Errors
-    /// [`FitError::Saved`] for an object that is not there, or for faces, positions, colours and coordinates that do not
-    /// fit.
+    /// [`FitError::Saved`] for an object that is not there, or for faces, positions, colours and coordinates that do
+    /// not fit.
     pub(super) fn put(&self, scene: &mut Scene) -> Result<(), SceneError> {
         let index = scene.objects.iter().position(|own| own.name == self.object);
         let Some(index) = index else {

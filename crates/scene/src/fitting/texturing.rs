@@ -1,6 +1,6 @@
 //! Meshes that get a texture in the middle of a fit.
 //!
-//! What was learnt at their vertices becomes texels, which are learnt from then on. Vertices and faces stay.
+//! The colours at their vertices become texels, which are learnt from then on. Vertices and faces stay.
 
 use bokashi_core::Tensor;
 use bokashi_mesh::{AtlasOptions, TexelMap, atlas};
@@ -13,15 +13,15 @@ use crate::memory::OF_LEARNT_NUMBER;
 use crate::object::{Attribute, Gutters, Object};
 use crate::scene::Scene;
 
-/// The stage at whose start meshes get a texture, and which.
+/// The index of the stage at whose start meshes get a texture, and that texture.
 fn stage_of_texture(stages: &[Stage]) -> Option<(usize, StageTexture)> {
     stages.iter().enumerate().find_map(|(number, stage)| Some((number, stage.texture?)))
 }
 
-/// Checks that meshes can get a texture, if one of `stages` asks for it; `rates` are those of the fit's start.
+/// Checks that meshes can get a texture, if one of `stages` asks for it. `rates` are those at the start of the fit.
 ///
 /// # Errors
-/// [`SceneError::Content`]; [`SceneError::Memory`] for a texture that there is no room for.
+/// [`SceneError::Content`] otherwise; [`SceneError::Memory`] for a texture that there is no room for.
 pub(super) fn check_texturing(
     scene: &Scene,
     stages: &[Stage],
@@ -58,7 +58,7 @@ pub(super) fn check_texturing(
     scene.folder.memory().check(bytes, &Location::new(&scene.path), what)
 }
 
-/// One stage gives a texture, after all that remesh.
+/// Checks that only one stage gives a texture, and that no stage remeshes later.
 fn check_order(scene: &Scene, stages: &[Stage], number: usize) -> Result<(), SceneError> {
     let wrong =
         |message: &str| Err(SceneError::content(Location::new(&scene.path), message.to_owned()));
@@ -76,7 +76,7 @@ fn check_order(scene: &Scene, stages: &[Stage], number: usize) -> Result<(), Sce
     Ok(())
 }
 
-/// Stages before the texture don't name it, and those from it on don't name colours, where no other mesh has them.
+/// Checks that stages before the texture do not learn it, and that later ones learn no colours that became texels.
 fn check_names(
     scene: &Scene,
     stages: &[Stage],
@@ -111,7 +111,7 @@ fn check_names(
     Ok(())
 }
 
-/// The scene with a texture of all objects that await one; `value` is that of a parameter, if it is learnt.
+/// Gives a texture to all objects that await one. `value` returns the value of a parameter, if it is learnt.
 ///
 /// # Errors
 /// [`SceneError::Mesh`] for a texture without room for all charts.
@@ -139,7 +139,7 @@ fn give_texture(
     let positions = value(&VERTICES.parameter_name(&object.name));
     let positions = positions.as_ref().unwrap_or(&object.positions);
     let colors = value(&COLORS.parameter_name(&object.name)).unwrap_or(colors.rows.clone());
-    // Colours are multiplied by that of the material.
+    // The renderer multiplies colours at vertices by the base colour of the material; texels replace both.
     let factor = object.materials.first().map_or([1.0; 3], |material| material.base_color);
     let colors = Tensor::from_fn([rows.len(), 3], |[vertex, channel]| {
         colors[[rows[vertex] as usize, channel]] * factor[channel]

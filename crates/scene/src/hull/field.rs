@@ -1,4 +1,4 @@
-//! A field over a grid that is 0 on the surface of a hull.
+//! The field of a hull over a grid: agreed distances, samples, and smoothing.
 
 use std::ops::RangeInclusive;
 
@@ -6,12 +6,13 @@ use bokashi_core::parallel::{for_each_item_mut, write_each};
 use bokashi_mesh::Grid;
 use glam::DVec3;
 
-/// Points along a side of a block.
+/// The number of points along a side of a block.
 const SIDE: usize = 8;
-/// Points that are worth a thread.
+/// The number of points in one piece of work.
 const POINTS_PER_PIECE: usize = 1 << 15;
-/// The largest of a point's distances from silhouettes, without so many of the largest ones. Where it is below 0, the
-/// point is inside for all other views. `None` where fewer than half of all `views` say anything.
+
+/// The largest of a point's distances from silhouettes after so many of the largest ones are left out. Where it is
+/// below 0, the point is inside for all other views. `None` where fewer than half of all `views` have a distance.
 pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: usize) -> Option<f64> {
     if 2 * distances.len() < views || distances.len() <= left_out {
         return None;
@@ -20,9 +21,9 @@ pub(super) fn agreed(distances: &mut [f64], views: usize, left_out: usize) -> Op
     Some(*distances.select_nth_unstable_by(taken, f64::total_cmp).1)
 }
 
-/// The `field` at all points of the grid; where it says nothing, a point is outside. Blocks of points that lie far from
-/// its surface have the number of the block's middle: its sign is that of the field there. The field changes at most
-/// `steepness` times as fast as the place.
+/// Samples `field` at all points of the grid. Where it is `None`, a point is outside. A block of points far from the
+/// surface has the value at its middle, which has the right sign. The field changes at most `steepness` times as fast
+/// as the position.
 pub(super) fn sampled(
     grid: &Grid,
     steepness: f64,
@@ -30,6 +31,8 @@ pub(super) fn sampled(
 ) -> Vec<f32> {
     let shape = grid.shape();
     let blocks = shape.map(|points| points.div_ceil(SIDE));
+    // No point of a block is farther from its middle than half the diagonal. So the field has no zero in a block where
+    // it is larger at the middle.
     let reach = steepness * 0.5 * 3.0_f64.sqrt() * SIDE as f64 * grid.spacing();
     let mut values = vec![Vec::new(); blocks.iter().product()];
     let range = |block: usize, axis: usize| {
@@ -75,8 +78,8 @@ pub(super) fn sampled(
     (0..grid.point_count()).map(value).collect()
 }
 
-/// Means of a field over neighbours, with the weights 1, 2 and 1 along each axis: of a third of a cell's width and less
-/// neither a sheet nor a gap is left.
+/// Smooths a field by means over neighbours, with the weights 1, 2 and 1 along each axis. Two passes leave no sheet and
+/// no gap of a third of a cell's width and less.
 pub(super) fn smoothed(grid: &Grid, mut values: Vec<f32>) -> Vec<f32> {
     let [_, ny, nz] = grid.shape();
     let mut means = vec![0.0; values.len()];

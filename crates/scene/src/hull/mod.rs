@@ -1,15 +1,15 @@
-//! A hull: what the silhouettes of all views allow.
+//! The visual hull: the largest shape whose images lie inside the silhouettes of all views.
 //!
 //! # Formula
-//! A point is outside of the hull as far as its image is outside of a silhouette: the field is the largest of its distances
-//! over all views, below 0 inside. The hull is where it is 0. A view may be wrong, its mask or its camera, and would carve
-//! the object away. So some of the largest distances are left out at each place. How many, the masks say: the hull
-//! is taken whose images overlap with them most.
+//! The field at a point is the largest of the distances of its images from the silhouettes, over all views; distances
+//! are below 0 inside a silhouette. The hull is the surface on which the field is 0. A view with a wrong mask or a
+//! wrong camera would carve the object away. So some of the largest distances are left out at each point. Their number
+//! is the one for which the images of the hull overlap with the masks most.
 //!
 //! # Errors
-//! Views that are wrong aside, a hull is never smaller than the object but where [`webs`] are taken away: there edges
-//! are rounder, and a real thin part goes that no silhouette shows by itself. Hollows that no silhouette shows are
-//! filled. Things thinner than a cell of the grid may be cut.
+//! If all views are right, the hull contains the object, but where [`webs`] are removed. There edges become rounder,
+//! and a thin part of the object vanishes that no silhouette shows by itself. Hollows that no silhouette shows are
+//! filled. Parts thinner than a cell of the grid may be cut.
 //!
 //! # Source
 //! Laurentini, *The visual hull concept for silhouette-based image understanding*, IEEE PAMI 16(2), 1994.
@@ -37,38 +37,39 @@ use crate::model::{Geometry, NO_ROW, Submesh, far_offset};
 use crate::picture::reduced;
 use crate::scene_view::SceneView;
 
-/// How much farther than the ball that half of the views see whole a hull is looked for.
+/// The size of the first box, over the ball that half of the views see whole.
 const FARTHER: f64 = 1.5;
-/// Cells along the longest side: where a hull is looked for, where its images are compared with the masks and webs are
-/// found, and at most where its surface is.
+/// Cells along the longest side of three grids. The first finds the box of the hull. The second compares images with
+/// masks and finds webs. The third, which has at most so many, gives the surface.
 const CELLS: [usize; 3] = [40, 64, 128];
-/// How much more has to overlap where another view is left out: places of the grid tell no less apart.
+/// The least gain of overlap for which more views are left out: the grid is too coarse for smaller gains.
 const WORTH: f64 = 0.02;
-/// Cells of the finest grid, of which there are some thrice as many at the surface along a side as edges of faces.
+/// Cells of the finest grid at the surface per face: about three along each edge of a face.
 const CELLS_PER_FACE: f64 = 9.0;
-/// The least width of a cell in pixels of the [masks](LONGEST), unless there are fewer than 64 cells then.
+/// The least width of a cell in pixels of the [masks](LONGEST), but for grids of 64 cells.
 const CELL_IN_PIXELS: f64 = 0.5;
-/// Where views barely agree, a hull has sheets and gaps thinner than a cell, which would be a net of handles.
+/// Passes of smoothing. Where views barely agree, a hull has sheets and gaps thinner than a cell, and so many handles.
 const SMOOTHINGS: usize = 2;
-/// How far from the hull a point may be, in cells, whose neighbour may be inside: distances of images change faster
-/// than those of the world where something is near.
+/// The field, in cells, below which a neighbour of a point may be inside. Distances in images change faster than
+/// distances in the world near a camera.
 const NEAR: f64 = 2.0;
-/// Masks are made smaller where they are longer, in pixels: a cell is as large as several of these.
+/// The longest side of a mask, in pixels; longer ones are made smaller. A cell is as large as several of these pixels.
 const LONGEST: usize = 640;
 
-/// Bytes of the distances of a mask.
+/// The bytes of the distances of a mask.
 const OF_SILHOUETTE: u64 = 4 * (LONGEST * LONGEST) as u64;
 
 /// The least share of views that agree, where a scene does not say.
 pub(crate) const AGREEMENT: f64 = 0.8;
-/// Parts of a hull that are smaller than this share of the largest are left out: places that no view can tell are empty.
+/// Parts of a hull with less than this share of the largest volume are left out. They lie where no view shows that
+/// nothing is there.
 const SMALLEST: f64 = 0.02;
 
-/// The hull of all `views` that have a mask and are not held out, with about so many faces; at each place a share
-/// `agreement` of these views and more agree. What is wrong with them is said in words.
+/// Makes the hull of all `views` that have a mask and are not held out, with about so many faces. At each point at
+/// least a share `agreement` of these views agree. The inner error says in words why the views have no hull.
 ///
 /// # Errors
-/// Whatever is wrong with a file of a mask.
+/// Those of files of masks; [`SceneError::Memory`] for more masks than there is room for.
 pub(crate) fn hull_of_views(
     folder: &Folder,
     views: &[SceneView],
@@ -102,14 +103,14 @@ pub(crate) fn hull_of_views(
         let rule = "a hull needs a place that is inside the masks";
         return Ok(Err(format!("{rule} of {agreement} of all views, and there is none")));
     };
-    // That of a face of equal edges.
+    // The length of the edges of an equilateral face: `area = sqrt(3) / 4 length^2`.
     let area = surface_area(&positions, &mesh)? / faces as f64;
     let length = (4.0 / 3.0_f64.sqrt() * area).sqrt();
     let even = remesh(&positions, &mesh, &RemeshOptions::uniform(length))?;
     Ok(Ok(geometry(&even.positions, &even.mesh, middle)))
 }
 
-/// The surface without parts that are [smaller](SMALLEST) than the largest.
+/// The surface without its [small](SMALLEST) parts.
 fn without_small_parts(
     positions: &Tensor<f32>,
     mesh: &Mesh,
@@ -164,7 +165,7 @@ fn geometry(positions: &Tensor<f32>, mesh: &Mesh, middle: DVec3) -> Geometry {
     }
 }
 
-/// What silhouettes allow.
+/// The silhouettes of which a hull is made.
 struct Hull {
     silhouettes: Vec<Silhouette>,
     /// The middle and the radius of the ball that half of the views see whole.
@@ -176,8 +177,8 @@ struct Hull {
 type Extent = [DVec3; 2];
 
 impl Hull {
-    /// Its surface: vertices `[V, 3]` around its middle, and faces. `None` where no place is inside. Up to `most` views
-    /// are left out at each place. It is to have about so many `faces`.
+    /// The surface: vertices `[V, 3]` around the middle, and faces. `None` where no point is inside. Up to `most` views
+    /// are left out at each point. The grid is as fine as a surface of about so many `faces` needs.
     ///
     /// # Errors
     /// None: those of a grid that numbers of `f32` do not tell apart.
@@ -214,8 +215,8 @@ impl Hull {
         Ok(Some(plain))
     }
 
-    /// How many cells the last grid has along its longest side: a face of the hull is some cells wide, and a cell at
-    /// least so many [pixels](CELL_IN_PIXELS).
+    /// The cells of the last grid along its longest side. A face of the hull is some cells wide, and a cell is not
+    /// smaller than [`CELL_IN_PIXELS`].
     fn cells(&self, [low, high]: Extent, faces: usize) -> usize {
         let pixel = self.silhouettes.iter().map(|it| it.unit(self.middle));
         let pixel = pixel.fold(f64::INFINITY, f64::min);
@@ -225,7 +226,8 @@ impl Hull {
         cells.clamp(least, finest)
     }
 
-    /// A box that the hull lies in, with so many views left out; `None` where there is none.
+    /// A box around the hull, with so many views left out. `None` where no point is inside. Two rounds: the grid of the
+    /// second lies in the box of the first.
     fn extent(&self, left_out: usize) -> Result<Option<Extent>, MeshError> {
         let mut extent = [-FARTHER, FARTHER].map(|share| DVec3::splat(share * self.radius));
         for _ in 0..2 {
@@ -244,8 +246,7 @@ impl Hull {
         Ok(Some(extent))
     }
 
-    /// How alike the masks and the images of the hull with these values are: the mean over all views of the share
-    /// that both cover of what one of them covers.
+    /// The mean over all views of the intersection over union of its mask and the image of the points inside.
     fn overlap(&self, grid: &Grid, values: &[f32], blocks: &[Blocks]) -> f64 {
         let inside = (0..).zip(values).filter(|(_, value)| **value < 0.0);
         let points = inside.map(|(point, _)| self.middle + DVec3::from(grid.position(point)));
@@ -257,7 +258,7 @@ impl Hull {
         shares.iter().sum::<f64>() / shares.len() as f64
     }
 
-    /// The field at the points of a grid; beyond `extent` all is outside.
+    /// The field at the points of a grid. Beyond `extent` all points are outside.
     fn values(&self, grid: &Grid, [low, high]: Extent, left_out: usize) -> Vec<f32> {
         let distances: Vec<_> =
             self.silhouettes.iter().map(|silhouette| silhouette.distances(self.middle)).collect();
@@ -270,8 +271,9 @@ impl Hull {
         })
     }
 
-    /// How many times faster than the distance in the world the field may change inside a box: distances of images
-    /// do where something is nearer than the middle.
+    /// A bound on how many times faster than distances in the world the field changes inside a box. Distances in an
+    /// image are measured as at the middle: at distance d from the eye they change `D / d` times as fast, with D the
+    /// middle's.
     fn steepness(&self, [low, high]: Extent) -> f64 {
         let reach = low.abs().max(high.abs()).length();
         let steepness = self.silhouettes.iter().map(|silhouette| {
@@ -294,7 +296,7 @@ fn surface_of(grid: &Grid, values: Vec<f32>) -> Result<Option<(Tensor<f32>, Mesh
     without_small_parts(&positions, &mesh).map(Some)
 }
 
-/// How many parts a closed surface has, and how many handles these have.
+/// The number of parts of a closed surface, and of their handles: `euler = 2 parts - 2 handles`.
 fn parts_and_handles(mesh: &Mesh) -> [i64; 2] {
     let connectivity = Connectivity::new(mesh);
     let parts = connectivity.parts() as i64;

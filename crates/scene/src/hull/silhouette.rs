@@ -1,27 +1,27 @@
-//! How far a pixel is from the silhouette of a mask.
+//! The silhouette of a mask, and distances of pixels from it.
 
 use bokashi_core::Tensor;
 use glam::{DVec2, DVec3};
 
 use crate::cameras::Camera;
 
-/// From the corner of a pixel to its centre.
+/// The distance from the corner of a pixel to its centre, along each axis.
 const HALF: f64 = 0.5;
 
-/// How many times wider than a grid's cell a block of pixels is, so that no block inside is without a point.
+/// The width of a block of pixels over a grid's cell, with which each block inside has a point.
 const WIDER: f64 = 1.5;
 
 /// A silhouette, and the camera that sees it.
 #[derive(Debug, Clone)]
 pub(super) struct Silhouette {
     camera: Camera,
-    /// Distances at the centres of pixels in pixels, row-major, below 0 where the objects are.
+    /// Distances of the centres of pixels from the silhouette, in pixels, row-major, below 0 inside.
     distances: Vec<f32>,
 }
 
 impl Silhouette {
-    /// The silhouette of a mask `[H, W]`, the share of each pixel that objects cover; its size is the camera's.
-    /// Where a pixel is covered in part, its share says where the silhouette runs.
+    /// The silhouette of a mask `[H, W]` of the camera's size, the share of each pixel that objects cover. A share
+    /// between 0 and 1 places the silhouette inside its pixel.
     pub(super) fn new(camera: Camera, mask: &Tensor<f32>) -> Self {
         let [height, width] = [mask.shape()[0], mask.shape()[1]];
         let is_covered = |share: f32| share >= 0.5;
@@ -36,6 +36,7 @@ impl Silhouette {
             }
             let (squares, sign) =
                 if is_covered(share) { (&to_bare, -1.0) } else { (&to_covered, 1.0) };
+            // From centre to centre; the silhouette is half a pixel before the other one.
             sign * ((squares[k] as f32).sqrt() - 0.5).min(most)
         };
         Self { camera, distances: (0..height * width).map(distance).collect() }
@@ -46,23 +47,23 @@ impl Silhouette {
         self.camera
     }
 
-    /// How far outside of the silhouette points of the world are seen, for small distances in the units of the world
-    /// around `middle`: below 0 inside of it. `None` where the view does not say: behind the camera, and beyond the image's
-    /// border next to an object that the border cuts off.
+    /// The distances of the images of points from the silhouette, below 0 inside. A pixel counts as wide as it is
+    /// around `middle`, in units of the world. `None` behind the camera, and beyond the image's border next to an
+    /// object that the border cuts off.
     pub(super) fn distances(&self, middle: DVec3) -> impl Fn(DVec3) -> Option<f64> {
         let unit = self.unit(middle);
         let pixels = self.camera.pixels();
         move |point| Some(unit * self.distance_at(pixels(point)?)?)
     }
 
-    /// The blocks of pixels that points of a grid are seen in, which stand `spacing` apart around `middle`.
+    /// The blocks of pixels for a grid of points that are `spacing` apart around `middle`.
     pub(super) fn blocks(&self, middle: DVec3, spacing: f64) -> Blocks {
         let side = (WIDER * spacing / self.unit(middle)).ceil().max(1.0) as usize;
         Blocks { camera: self.camera, side }
     }
 
-    /// Of the mask and the image of `points` that are seen in these blocks: the share that both cover of what one of them
-    /// covers. Both cover a block where they cover some of it.
+    /// The intersection over union of the mask and the image of `points`, both in blocks. A block is covered where some
+    /// pixel or some point covers it.
     pub(super) fn overlap(&self, points: &[DVec3], blocks: &Blocks) -> f64 {
         let mut covered = vec![[false; 2]; blocks.count()];
         let width = self.camera.size.width;
@@ -77,13 +78,13 @@ impl Silhouette {
         count(|[a, b]| *a && *b) as f64 / count(|[a, b]| *a || *b).max(1) as f64
     }
 
-    /// The width of a pixel at a place of the world.
+    /// The width of a pixel at a point of the world.
     pub(super) fn unit(&self, place: DVec3) -> f64 {
         let [fx, fy, ..] = self.camera.intrinsics;
         self.camera.view.transform_point3(place).length() / (fx * fy).abs().sqrt()
     }
 
-    /// The distance at a place of the image, between those of the four pixels around it.
+    /// The distance at a point of the image, by bilinear interpolation.
     fn distance_at(&self, pixel: DVec2) -> Option<f64> {
         let [width, height] = [self.camera.size.width, self.camera.size.height];
         let last = DVec2::new((width - 1) as f64, (height - 1) as f64);
@@ -103,12 +104,12 @@ impl Silhouette {
     }
 }
 
-/// An image in square blocks of pixels, so wide that none inside of a grid's image is without a point where the grid is as
-/// far as its middle.
+/// An image in square blocks of pixels. At the distance of a grid's middle, each block inside the image of the grid has
+/// a point of the grid.
 #[derive(Debug)]
 pub(super) struct Blocks {
     camera: Camera,
-    /// Pixels along a side.
+    /// The number of pixels along a side.
     side: usize,
 }
 
@@ -117,12 +118,12 @@ impl Blocks {
         self.camera.size.width.div_ceil(self.side)
     }
 
-    /// How many there are.
+    /// The number of blocks.
     pub(super) fn count(&self) -> usize {
         self.columns() * self.camera.size.height.div_ceil(self.side)
     }
 
-    /// The block that a point of the world is seen in; `None` where the image does not show it.
+    /// Finds the block of a point of the world; `None` where the image does not show the point.
     pub(super) fn finder(&self) -> impl Fn(DVec3) -> Option<usize> {
         let size = [self.camera.size.width, self.camera.size.height].map(|extent| extent as f64);
         let pixels = self.camera.pixels();
@@ -139,8 +140,8 @@ impl Blocks {
     }
 }
 
-/// For each pixel of `[height, width]` the squared distance to the nearest one of which `is_one` says so: row-major.
-/// Without any, it is infinite.
+/// The squared distance of each pixel of `[height, width]`, row-major, to the nearest pixel for which `is_one` is true.
+/// It is infinite without such a pixel.
 ///
 /// # Source
 /// Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012: minima of
@@ -165,8 +166,8 @@ fn squared_distances([height, width]: [usize; 2], is_one: impl Fn(usize) -> bool
     squares
 }
 
-/// Writes `min_j values[j] + (k - j)^2` for each k. `lowest` is memory: the parabolas that are somewhere the lowest,
-/// each with where it begins to be.
+/// Writes `min_j values[j] + (k - j)^2` for each k. `lowest` is memory for the parabolas that are the lowest somewhere,
+/// each with the point from which on it is.
 fn lower_envelope(
     values: &[f64],
     lowest: &mut Vec<(usize, f64)>,
@@ -176,7 +177,8 @@ fn lower_envelope(
     for (k, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let mut start = f64::NEG_INFINITY;
         while let Some(&(j, begins)) = lowest.last() {
-            // Where both are alike.
+            // The parabolas j and k meet at `((v_k + k^2) - (v_j + j^2)) / (2 (k - j))`. If that is before j begins, j
+            // is nowhere the lowest.
             let sum = (value + (k * k) as f64) - (values[j] + (j * j) as f64);
             start = sum / (2 * (k - j)) as f64;
             if start > begins {

@@ -1,12 +1,12 @@
-//! Webs of a hull: what is thin, and no silhouette needs.
+//! Webs of a hull: thin parts that no silhouette needs.
 //!
-//! Views may look through a hole along lines that cross. No silhouette says that nothing is between the lines, so a hull
-//! has bars across both mouths: three holes where the object has one.
+//! Views may look through a hole along lines that cross. No silhouette shows that nothing is between the lines, so a
+//! hull has bars across both mouths: three holes where the object has one.
 //!
 //! # Formula
-//! The hull's surface moves by its mean curvature, inward alone. A step of it takes means over neighbours of what is
-//! inside; points leave where less than half is. A point stays where its block of pixels would become bare in a view:
-//! the hull's image keeps all of its blocks.
+//! The surface moves by its mean curvature, but only inward. A step takes means over neighbours of the indicator of the
+//! inside. Points whose mean is below a half are removed. A point stays if a view would lose a block of pixels without
+//! it, so the images of the hull keep all their blocks.
 //!
 //! # Source
 //! Merriman, Bence and Osher, *Diffusion generated motion by mean curvature*, 1992.
@@ -18,13 +18,13 @@ use glam::DVec3;
 use super::field::smoothed;
 use super::silhouette::Blocks;
 
-/// Means over neighbours in a step: a deviation of 1.4 cells. Bars that are some four cells thick vanish.
+/// Passes of smoothing in a step: a Gaussian of 1.4 cells. Bars of some four cells vanish.
 const SMOOTHINGS: usize = 4;
-/// Steps: fewer leave bars.
+/// The number of steps: fewer leave bars.
 const STEPS: usize = 10;
 
-/// 1 at the points of a grid around `middle` that are webs of the hull, and 0 elsewhere. The hull is where `values` are
-/// below 0, and views see it in blocks of pixels. `None` without webs.
+/// Finds the webs of a hull: 1 at the points of a grid around `middle` that are webs, and 0 elsewhere. The hull is
+/// inside where `values` are below 0, and `views` see it in blocks of pixels. `None` without webs.
 pub(super) fn find_webs(
     grid: &Grid,
     values: &[f32],
@@ -63,7 +63,7 @@ pub(super) fn find_webs(
     webs
 }
 
-/// The field without webs of a rougher grid: outside where more than half of the cell around is a web.
+/// The field without webs of a rougher grid. A point is outside where the interpolated share of webs is above a half.
 pub(super) fn values_without(webs: &[f32], rough: &Grid, grid: &Grid, values: &[f32]) -> Vec<f32> {
     let value = |(point, &value): (usize, &f32)| {
         let share = between(rough, webs, DVec3::from(grid.position(point)));
@@ -72,7 +72,7 @@ pub(super) fn values_without(webs: &[f32], rough: &Grid, grid: &Grid, values: &[
     values.iter().enumerate().map(value).collect()
 }
 
-/// The value at a place inside a grid, between those of the eight points around it.
+/// The value at a place inside a grid, by trilinear interpolation.
 fn between(grid: &Grid, values: &[f32], place: DVec3) -> f64 {
     let shape = grid.shape();
     let last = DVec3::from(shape.map(|points| (points - 1) as f64));

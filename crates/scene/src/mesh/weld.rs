@@ -21,6 +21,7 @@ use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hash};
 use std::ops::Range;
 
+use bokashi_render_ops::edges::repeats_a_vertex;
 use glam::DVec3;
 
 use crate::error::{Location, SceneError};
@@ -85,7 +86,7 @@ impl Welder {
                 doubled.count(),
             );
         }
-        let kept: Vec<bool> = local.iter().map(|[a, b, c]| a != b && b != c && c != a).collect();
+        let kept: Vec<bool> = local.iter().map(|face| !repeats_a_vertex(*face)).collect();
         let left_out = kept.iter().filter(|&&kept| !kept).count();
         notes.count("a face that names a vertex twice was left out", left_out);
         if left_out == kept.len() {

@@ -268,12 +268,12 @@ impl Renderer {
         let (lens, clip) = lens.unzip();
         let key = Key { view, reduce, margin: lens.map_or(0, |lens| lens.margin()) };
         let layers: Vec<_> = match cache.and_then(|cache| cache.get(key)) {
-            Some(still) => still.iter().map(|still| still.on(values.tape)).collect(),
+            Some(layers) => layers.iter().map(|layer| layer.on(values.tape)).collect(),
             None => {
                 let clip = clip.map_or_else(|| step_camera.clip(world), Ok)?;
                 let layers = self.layers(clip, interpolated, size, lens)?;
                 if let Some(cache) = cache {
-                    cache.insert(key, layers.iter().map(Fragments::still).collect());
+                    cache.insert(key, layers.iter().map(Fragments::constant).collect());
                 }
                 layers
             }

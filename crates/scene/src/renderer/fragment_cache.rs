@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use bokashi_render_ops::StillFragments;
+use bokashi_render_ops::ConstantFragments;
 
 /// The memory of fragments, in bytes.
 const BUDGET: usize = 128 << 20;
@@ -30,16 +30,16 @@ pub(super) struct FragmentCache(Mutex<Inner>);
 struct Inner {
     bytes: usize,
     /// What is visible, and the layers behind it.
-    views: HashMap<Key, Vec<StillFragments<f32>>>,
+    views: HashMap<Key, Vec<ConstantFragments<f32>>>,
 }
 
 impl FragmentCache {
-    pub(super) fn get(&self, key: Key) -> Option<Vec<StillFragments<f32>>> {
+    pub(super) fn get(&self, key: Key) -> Option<Vec<ConstantFragments<f32>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).views.get(&key).cloned()
     }
 
-    pub(super) fn insert(&self, key: Key, layers: Vec<StillFragments<f32>>) {
-        let bytes = layers.iter().map(StillFragments::coverage).map(|coverage| {
+    pub(super) fn insert(&self, key: Key, layers: Vec<ConstantFragments<f32>>) {
+        let bytes = layers.iter().map(ConstantFragments::coverage).map(|coverage| {
             PER_FRAGMENT * coverage.count()
                 + PER_VERTEX * coverage.mesh().vertex_count()
                 + PER_PIXEL * coverage.size().pixels()

@@ -1,5 +1,6 @@
 //! The surface of a mesh in numbers.
 
+use bokashi_render_ops::edges::{edges, sides};
 use glam::DVec3;
 
 use crate::model::Geometry;
@@ -46,7 +47,7 @@ impl MeshSummary {
         same.iter_mut().for_each(|face| face.sort_unstable());
         same.sort_unstable();
         same.dedup();
-        let [boundary_edges, crowded_edges, turned_edges] = edges(faces);
+        let [boundary_edges, crowded_edges, turned_edges] = count_edges(faces);
         let is_solid = !faces.is_empty() && boundary_edges + crowded_edges + turned_edges == 0;
         // Six times tetrahedra to a place nearby: far from the origin theirs would cancel.
         let middle = faces.first().map_or(DVec3::ZERO, |face| position(face[0]));
@@ -75,20 +76,12 @@ impl MeshSummary {
 }
 
 /// How many edges have one face, three or more, and two that run along them in the same direction.
-fn edges(faces: &[[u32; 3]]) -> [usize; 3] {
-    let mut edges: Vec<([u32; 2], bool)> = Vec::with_capacity(3 * faces.len());
-    for &[a, b, c] in faces {
-        // A face that names a vertex twice has no edges of its own.
-        if a != b && b != c && c != a {
-            edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| ([a.min(b), a.max(b)], a < b)));
-        }
-    }
-    edges.sort_unstable();
+fn count_edges(faces: &[[u32; 3]]) -> [usize; 3] {
     let [mut boundary, mut crowded, mut turned] = [0; 3];
-    for same in edges.chunk_by(|left, right| left.0 == right.0) {
-        match same {
+    for edge in edges(&sides(faces)) {
+        match edge {
             [_] => boundary += 1,
-            [one, other] => turned += usize::from(one.1 == other.1),
+            [one, other] => turned += usize::from(one.rises == other.rises),
             _ => crowded += 1,
         }
     }

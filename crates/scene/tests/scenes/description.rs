@@ -21,9 +21,9 @@ fn blocks(page: &str) -> Vec<&str> {
 
 /// What each definition of the schema is shown with, over all blocks; the root has no name.
 #[derive(Default)]
-struct Seen<'s>(BTreeMap<&'s str, (&'s Value, Vec<&'s Shown>)>);
+struct Definitions<'s>(BTreeMap<&'s str, (&'s Value, Vec<&'s Shown>)>);
 
-impl<'s> Seen<'s> {
+impl<'s> Definitions<'s> {
     /// Follows `shown` where `node` describes it. `name` is that of the definition that `node` is.
     fn follow(&mut self, root: &'s Value, name: &'s str, node: &'s Value, shown: Vec<&'s Shown>) {
         if let Some(to) = node["$ref"].as_str() {
@@ -62,9 +62,9 @@ impl<'s> Seen<'s> {
 
 /// The keys of the schema that these blocks lack.
 fn missing(schema: &Value, blocks: &[Shown]) -> Vec<String> {
-    let mut seen = Seen::default();
-    seen.follow(schema, "", schema, blocks.iter().collect());
-    let keys = seen.0.iter().flat_map(|(name, (node, shown))| {
+    let mut definitions = Definitions::default();
+    definitions.follow(schema, "", schema, blocks.iter().collect());
+    let keys = definitions.0.iter().flat_map(|(name, (node, shown))| {
         let keys = node["properties"].as_object().unwrap().keys();
         let lacks = |key: &&String| shown.iter().all(|value| value.get(key.as_str()).is_none());
         keys.filter(lacks).map(move |key| format!("{name}.{key}"))

@@ -122,15 +122,15 @@ fn fragments_of_an_earlier_step<T: Scalar>() -> Outcome {
                 gradients.get_or_zeros(fragments.clip).data().iter().any(|&bar| bar != T::ZERO);
             Ok((all.iter().flat_map(numbers).collect(), usize::from(moves)))
         };
-        let (still, (expected, moves)) = {
+        let (constant, (expected, moves)) = {
             let fragments = face(&tape, [1.0, 2.0, 3.0], sampling)?;
-            (fragments.still(), draw(&fragments)?)
+            (fragments.constant(), draw(&fragments)?)
         };
         bars += 1 - moves;
         for _ in 0..2 {
             tape.reset();
             face(&tape, [2.0, 1.0, 1.5], sampling)?;
-            let (found, moves) = draw(&still.on(&tape))?;
+            let (found, moves) = draw(&constant.on(&tape))?;
             error = error.maximum_or_nan(difference(&found, &expected));
             bars += moves;
         }

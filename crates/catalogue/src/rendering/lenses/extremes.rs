@@ -23,9 +23,9 @@ const LENSES: [[f64; 5]; 3] = [
 fn beyond_the_lens<T: Scalar>() -> Outcome {
     let (mut wrong, mut finite) = (0, true);
     for lens in LENSES {
-        let rim = distortion_radius(lens);
+        let limit = distortion_radius(lens);
         // Before the camera ever farther out, in the plane of the eye, and behind it.
-        let along = |k: usize| [0.1 * rim * k as f64, 0.05 * rim * k as f64, 1.0];
+        let along = |k: usize| [0.1 * limit * k as f64, 0.05 * limit * k as f64, 1.0];
         let outward: Vec<_> = (1..200).map(along).collect();
         let across = [1e-30, 0.0, -0.0, -1e-30, -1.0].map(|z| [0.5, 0.25, z]);
         let axis = [0.0, -1.0].map(|z| [0.0, 0.0, z]);
@@ -68,9 +68,9 @@ fn beyond_the_fisheye<T: Scalar>() -> Outcome {
         // The angle at which a pinhole would see it.
         let seen = |k: usize| found[3 * k].hypot(found[3 * k + 1]).atan2(found[3 * k + 2]);
         wrong += (1..outward.len()).filter(|&k| seen(k) <= seen(k - 1)).count();
-        let rim = outward.len();
-        wrong += usize::from((seen(rim) - seen(rim + 1)).abs() > 1e-6);
-        let ends = found[3 * (rim + 2)..].chunks(3);
+        let first = outward.len();
+        wrong += usize::from((seen(first) - seen(first + 1)).abs() > 1e-6);
+        let ends = found[3 * (first + 2)..].chunks(3);
         wrong += ends.filter(|p| p[..2] != [0.0, 0.0]).count();
         finite &= out.value().is_finite() && has_finite_gradients(out, &[all, coefficients])?;
     }

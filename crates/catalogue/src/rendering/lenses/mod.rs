@@ -40,10 +40,10 @@ impl Subject for Distort {
         // What a lens of five lacks is 0.
         let all: [f64; 8] =
             std::array::from_fn(|k| coefficients.data().get(k).copied().unwrap_or_default());
-        let rim = distortion_radius(all);
-        let is_inside = |p: &[f64]| p[2] > 0.0 && p[0].hypot(p[1]) <= rim * p[2];
+        let limit = distortion_radius(all);
+        let is_inside = |p: &[f64]| p[2] > 0.0 && p[0].hypot(p[1]) <= limit * p[2];
         let inside: Vec<_> = points.data().chunks(3).map(is_inside).collect();
-        Ok(Outcome::from(out).with_state(inside).with_state(rim < 16.0))
+        Ok(Outcome::from(out).with_state(inside).with_state(limit < 16.0))
     }
 }
 
@@ -62,7 +62,7 @@ fn rational_lenses() -> impl Strategy<Value = Tensor<f64>> {
         .prop_map(|(five, rest)| Tensor::from([five.data(), &rest[..]].concat().as_slice()))
 }
 
-/// Within the rim, beside it, far outside, and behind the camera.
+/// Within the limit, beside it, far outside, and behind the camera.
 fn any_point() -> impl Strategy<Value = [f64; 3]> {
     let depth = prop_oneof![4 => 1.0..3.0, 1 => 0.05..0.2, 1 => -2.0..-0.1];
     ([-1.5..1.5, -1.5..1.5], depth).prop_map(|([x, y], z)| [x, y, z])

@@ -15,20 +15,20 @@ class Step:
     """What a function does with arrays.
 
     `run` is given `arrays`, and returns outputs and a pull-back. Each is an array, `None`, or what becomes an array of
-    the type of the others. The last ones, named in `still`, have no gradient: one that asks for it is refused, unless
-    its name is empty. `shapes` says from the arrays what the outputs look like. It is `None` where nobody knows before.
-    `result` makes of outputs and arrays what the caller gets.
+    the type of the others. The last ones, named in `constants`, have no gradient: one that asks for it is refused,
+    unless its name is empty. `shapes` says from the arrays what the outputs look like. It is `None` where nobody knows
+    before. `result` makes of outputs and arrays what the caller gets.
     """
 
-    __slots__ = ("arrays", "result", "run", "shapes", "still")
+    __slots__ = ("arrays", "constants", "result", "run", "shapes")
 
     # No dataclass: what makes one takes longer to load than all of this.
     def __init__(
         self, run: Callable[..., tuple[Any, Any]], arrays: Sequence[Any],
-        shapes: Callable[..., Sequence[tuple[int, ...]]] | None, still: tuple[str, ...] = (),
+        shapes: Callable[..., Sequence[tuple[int, ...]]] | None, constants: tuple[str, ...] = (),
         result: Callable[[Sequence[Any], Sequence[Any]], Any] = _first,
     ) -> None:
-        self.run, self.arrays, self.shapes, self.still, self.result = run, arrays, shapes, still, result
+        self.run, self.arrays, self.shapes, self.constants, self.result = run, arrays, shapes, constants, result
 
 
 class Single(Step):

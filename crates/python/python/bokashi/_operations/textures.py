@@ -45,7 +45,7 @@ def _detail(level: Any, differentials: Any, bias: Any, mips: Any) -> bool:
 
 
 def _levels(texels: Any, mips: Any) -> tuple[Texture | None, list[Any]]:
-    """A texture that stays, or the levels that were given."""
+    """A constant texture, or the levels that were given."""
     if not isinstance(texels, Texture):
         return None, [texels, *(mips or ())]
     if mips:
@@ -60,16 +60,16 @@ def _sample(
     borders = (border, border) if isinstance(border, str) else tuple(border)
     # Without a level or differentials nobody asks for coarser levels.
     makes_mipmaps = _detail(level, differentials, bias, mips) and mips is None
-    still, own = _levels(texels, mips)
+    constant, own = _levels(texels, mips)
 
     def run(coordinates: Any, level: Any, differentials: Any, bias: Any, *levels: Any) -> Any:
         return function(
             coordinates, level, differentials, bias, list(levels), filter, borders, coarsest, probes, makes_mipmaps,
-            still,
+            constant,
         )
 
     def shapes(coordinates: Any, *more: Any) -> Sequence[tuple[int, ...]]:
-        finest = more[3] if still is None else still
+        finest = more[3] if constant is None else constant
         return [(coordinates.shape[0], finest.shape[-1])]
 
     return Single(run, [coordinates, level, differentials, bias, *own], shapes)

@@ -23,7 +23,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::for_each_two_pieces_mut;
 
 use crate::border::Border;
-use crate::copy::copy;
+use crate::copy::{copy, put};
 use crate::scratch::Workbench;
 use crate::taps::disc::{DiscTaps, Step};
 
@@ -280,15 +280,6 @@ impl<T: Scalar> pulp::WithSimd for BandWork<'_, '_, T> {
                 }
             }
         }
-    }
-}
-
-/// Writes as much of a block as there is room for.
-#[inline(always)]
-fn put<T: Copy>(to: &mut [T], block: &[T; BLOCK]) {
-    match to.first_chunk_mut::<BLOCK>() {
-        Some(to) => *to = *block,
-        None => to.copy_from_slice(&block[..to.len()]),
     }
 }
 

@@ -106,8 +106,8 @@ impl<'t, T: Scalar> Blurred<'t, T> {
     }
 
     fn rows_to_blur(&self) -> RowsToBlur {
-        let Picture { coverage, rim, .. } = &self.picture;
-        RowsToBlur { coverage: Arc::clone(coverage), rim: rim.clone(), blur: self.blur }
+        let Picture { coverage, blended, .. } = &self.picture;
+        RowsToBlur { coverage: Arc::clone(coverage), blended: blended.clone(), blur: self.blur }
     }
 }
 
@@ -120,7 +120,7 @@ const ENTRIES_PER_CHUNK: usize = if cfg!(test) { 1 << 10 } else { 1 << 19 };
 /// A picture whose rows are blurred.
 struct RowsToBlur {
     coverage: Arc<Coverage>,
-    rim: Option<Arc<Vec<u32>>>,
+    blended: Option<Arc<Vec<u32>>>,
     blur: Blur,
 }
 
@@ -131,8 +131,8 @@ impl RowsToBlur {
     }
 
     fn picture_rows(&self, channels: usize) -> PictureRows<'_> {
-        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
-        PictureRows { coverage: &self.coverage, rim, channels }
+        let blended = self.blended.as_deref().map_or(&[][..], Vec::as_slice);
+        PictureRows { coverage: &self.coverage, blended, channels }
     }
 
     /// The chunks of rows, from the top: whole bands, as many rows as a window sees to either side, so

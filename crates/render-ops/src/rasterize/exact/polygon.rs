@@ -29,7 +29,7 @@ pub(super) struct Bound(u64);
 
 impl Bound {
     /// That of a polygon that was not cut.
-    const STILL: Self = Self::new(BORDER, true);
+    const UNCUT: Self = Self::new(BORDER, true);
 
     const fn new(line: u32, is_inside: bool) -> Self {
         Self((line as u64) << 1 | is_inside as u64)
@@ -148,23 +148,23 @@ impl<S: Scalar> Polygons<S> {
     #[cold]
     #[inline(never)]
     fn grow(&mut self, corners: usize) {
-        self.corners.resize(corners, Corner { point: [S::ZERO; 2], bound: Bound::STILL });
+        self.corners.resize(corners, Corner { point: [S::ZERO; 2], bound: Bound::UNCUT });
         self.values.resize(corners, S::ZERO);
     }
 
     /// A rectangle, from its least to its largest x and y.
     pub(super) fn rectangle(&mut self, low: [S; 2], high: [S; 2]) -> Polygon {
-        self.still([low, [high[0], low[1]], high, [low[0], high[1]]])
+        self.uncut([low, [high[0], low[1]], high, [low[0], high[1]]])
     }
 
     /// A polygon without an extent.
     pub(super) fn point(&mut self, point: [S; 2]) -> Polygon {
-        self.still([point; 3])
+        self.uncut([point; 3])
     }
 
     /// The polygon of these corners, which do not move.
-    fn still<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
-        self.add(points.into_iter().map(|point| Corner { point, bound: Bound::STILL }))
+    fn uncut<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
+        self.add(points.into_iter().map(|point| Corner { point, bound: Bound::UNCUT }))
     }
 
     /// The polygon of these corners.

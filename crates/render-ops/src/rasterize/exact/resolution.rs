@@ -20,7 +20,7 @@ const NONE: u32 = u32::MAX;
 
 /// What is visible of a candidate.
 #[derive(Debug)]
-struct Seen<S> {
+struct VisibleFace<S> {
     candidate: u32,
     area: S,
     extent: Extent<S>,
@@ -36,7 +36,7 @@ pub(super) struct Resolution<S> {
     visible: Visible<S>,
     /// The faces of the cells of a crowded pixel.
     cell_faces: Vec<DepthInterval<S>>,
-    seen: Vec<Seen<S>>,
+    visible_faces: Vec<VisibleFace<S>>,
     /// Per candidate: its piece, counted from the pixel's first.
     piece_of: Vec<u32>,
     /// The sides on the pixel's border.
@@ -63,14 +63,14 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             pieces.crowded += 1;
             pieces.sampled += 0.25 * sampled.to_f64();
         }
-        self.find_seen(band, pieces);
-        let Self { candidates, visible, seen, piece_of, .. } = self;
+        self.find_visible_faces(band, pieces);
+        let Self { candidates, visible, visible_faces, piece_of, .. } = self;
         pieces.pixels.push(pixel);
         let first = pieces.pieces.len();
         // Sides know candidates; gradients need the pieces, which are sorted.
         piece_of.clear();
         piece_of.resize(candidates.len(), NONE);
-        for (piece, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
+        for (piece, &VisibleFace { candidate, area, extent }) in (0..).zip(&*visible_faces) {
             piece_of[candidate as usize] = piece;
             let face = &candidates[candidate as usize];
             let barycentrics = barycentrics(&face.edges, factors(band, face), &extent);
@@ -101,15 +101,15 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
 
     /// Finds the extents of what is visible of each candidate, the largest first.
     #[inline(always)]
-    fn find_seen<T: Scalar<Wide = S>>(
+    fn find_visible_faces<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         pieces: &mut Pieces<S>,
     ) {
-        let Self { candidates, visible, seen, .. } = self;
+        let Self { candidates, visible, visible_faces, .. } = self;
         // A pixel has 4 units of area.
         let smallest = S::from_f64(4.0 * SMALLEST);
-        seen.clear();
+        visible_faces.clear();
         for parts in visible.parts.by_candidate() {
             let candidate = parts[0].candidate;
             let area = parts.iter().map(|part| part.area).sum();
@@ -117,14 +117,14 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
                 let face = &candidates[candidate as usize];
                 let t = total(&face.edges, factors(band, face));
                 let extent = visible.parts.extent(parts, area, t, band.view.needs);
-                seen.extend(extent.map(|extent| Seen { candidate, area, extent }));
+                visible_faces.extend(extent.map(|extent| VisibleFace { candidate, area, extent }));
             } else if area > S::ZERO {
                 pieces.dropped += 1;
             }
         }
         // The largest first; where pieces are as large, the lower face.
-        let face = |seen: &Seen<S>| candidates[seen.candidate as usize].band_face;
-        seen.sort_unstable_by(|a, b| {
+        let face = |face: &VisibleFace<S>| candidates[face.candidate as usize].band_face;
+        visible_faces.sort_unstable_by(|a, b| {
             b.area.to_f64().total_cmp(&a.area.to_f64()).then_with(|| face(a).cmp(&face(b)))
         });
     }
@@ -189,11 +189,11 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             candidate,
             band.view.limits,
         );
-        let Self { candidates, visible, seen, piece_of, border_sides, .. } = self;
+        let Self { candidates, visible, visible_faces, piece_of, border_sides, .. } = self;
         border_sides.clear();
         visible.parts.add_border_sides(border_sides);
         piece_of.resize(candidates.len(), NONE);
-        let mut count = seen.len() as u32;
+        let mut count = visible_faces.len() as u32;
         for &(candidate, side) in &*border_sides {
             let mut keep = |piece: u32, side: Side<S>| {
                 if band.view.needs {

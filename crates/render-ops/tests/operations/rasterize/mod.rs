@@ -20,7 +20,7 @@ mod watertight;
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Seen {
+struct VisibleFace {
     face: u32,
     uv: [f64; 2],
     depth: f64,
@@ -29,7 +29,7 @@ struct Seen {
 /// A picture: what each pixel sees, row by row from the top, and which faces were not drawn.
 #[derive(Debug, PartialEq)]
 struct Drawn {
-    pixels: Vec<Option<Seen>>,
+    pixels: Vec<Option<VisibleFace>>,
     culled: Culled,
 }
 
@@ -60,7 +60,7 @@ fn try_draw<T: Scalar>(
     assert_eq!(depth.shape(), [coverage.count()].into());
     let (uv, depth) = (fragments.barycentrics.value(), depth.value());
     let faces: Vec<_> = coverage.faces().collect();
-    let seen = |n: usize| Seen {
+    let seen = |n: usize| VisibleFace {
         face: faces[n] as u32,
         uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
         depth: depth.data()[n].to_f64(),

@@ -34,7 +34,7 @@ fn solve(vertices: [[f64; 4]; 3], ndc: [f64; 2]) -> Option<[f64; 3]> {
 
 /// What the oracle knows of a pixel.
 enum Verdict {
-    Sees(Option<Seen>),
+    Sees(Option<VisibleFace>),
     /// An edge, the depth range or another face is too near to tell.
     TooClose,
 }
@@ -46,7 +46,7 @@ fn oracle(clip: &Clip, faces: &[[u32; 3]], size: Size, pixel: usize) -> Verdict 
         (2.0 * column + 1.0) / size.width as f64 - 1.0,
         1.0 - (2.0 * row + 1.0) / size.height as f64,
     ];
-    let mut nearest: Option<Seen> = None;
+    let mut nearest: Option<VisibleFace> = None;
     for (face, indices) in (0..).zip(faces) {
         let vertices = indices.map(|index| clip[index as usize]);
         let Some(b) = solve(vertices, ndc) else { return Verdict::TooClose };
@@ -60,7 +60,7 @@ fn oracle(clip: &Clip, faces: &[[u32; 3]], size: Size, pixel: usize) -> Verdict 
         }
         let sum: f64 = b.iter().sum();
         if nearest.is_none_or(|other| depth < other.depth) {
-            nearest = Some(Seen { face, uv: [b[0] / sum, b[1] / sum], depth });
+            nearest = Some(VisibleFace { face, uv: [b[0] / sum, b[1] / sum], depth });
         }
     }
     Verdict::Sees(nearest)

@@ -1,10 +1,8 @@
-//! A change of variables after which steps of a fit are smooth.
+//! A preconditioner: a change of variables after which steps of a fit are smooth.
 //!
 //! # Forward
-//! Vertices v are learnt as `u = (I + lambda L) v`, with the combinatorial Laplacian L of a mesh; v is
-//! solved from u. The matrix A is symmetric and positive definite and is factored once, `A = P' C C' P`
-//! with a permutation P that keeps C sparse, in `f64`. Substitution is in [`Scalar::Wide`], column by
-//! column of C: in one order, whatever the number of threads.
+//! Vertices v are learnt as `u = A v`, `A = I + lambda L`, with the combinatorial Laplacian L of a mesh; v is solved
+//! from u. The matrix A is symmetric and positive definite. It is factored once (`factor`), and substitution gives v.
 //!
 //! # Backward
 //! `u_bar = A^-1 v_bar`: the same solve.
@@ -17,6 +15,8 @@
 //! Nicolet, Jacobson and Jakob, *Large steps in inverse rendering of geometry*, ACM Transactions on
 //! Graphics 40(6), 2021, equation 12.
 
+mod factor;
+
 use std::fmt;
 use std::sync::Arc;
 
@@ -24,10 +24,11 @@ use bokashi_core::{
     Accumulators, Inputs, Kept, Op, Outputs, Scalar, Shape, Tensor, TensorError, Var,
 };
 
+use self::factor::Factor;
 use crate::topology::Topology;
 
-/// The change of variables `u = (I + lambda L) v` of numbers at the vertices of a mesh, with the
-/// factor that leads back. Made once, with the feature `precondition`; cheap to clone.
+/// The change of variables `u = (I + lambda L) v` of numbers at the vertices of a mesh, with the factor that solves for
+/// v. Made once, with the feature `precondition`; cheap to clone.
 ///
 /// [`Parameter::preconditioned`](crate::Parameter::preconditioned) learns a parameter as u.
 #[derive(Clone)]
@@ -39,16 +40,6 @@ struct Inner {
     factor: Factor,
 }
 
-/// C by columns, the diagonal entry of each first.
-#[derive(Default)]
-struct Factor {
-    /// The vertex of each row of the permuted matrix.
-    order: Vec<u32>,
-    starts: Vec<usize>,
-    rows: Vec<u32>,
-    values: Vec<f64>,
-}
-
 const NAME: &str = "precondition";
 
 impl fmt::Debug for Preconditioner {
@@ -57,12 +48,12 @@ impl fmt::Debug for Preconditioner {
         f.debug_struct("Preconditioner")
             .field("vertices", &topology.vertex_count())
             .field("lambda", lambda)
-            .field("entries", &factor.values.len())
+            .field("entries", &factor.entry_count())
             .finish_non_exhaustive()
     }
 }
 
-/// Whether both are of the same edges, and of one lambda.
+/// Two preconditioners are equal if they have the same edges and the same lambda.
 impl PartialEq for Preconditioner {
     fn eq(&self, other: &Self) -> bool {
         let [a, b] = [&*self.0, &*other.0];
@@ -74,14 +65,14 @@ impl PartialEq for Preconditioner {
 
 #[cfg(feature = "precondition")]
 impl Preconditioner {
-    /// The change of variables for the vertices of `topology`. The larger `lambda`, the farther a step
-    /// at one vertex carries its neighbours along; the paper takes 19 for most of its meshes.
+    /// Makes the preconditioner for the vertices of `topology`. With a larger `lambda`, a step at one vertex moves
+    /// neighbours farther away; the paper takes 19 for most of its meshes.
     ///
-    /// It factors a matrix of the size of the mesh: some microseconds a vertex.
+    /// It factors a matrix of the size of the mesh, which takes some microseconds per vertex.
     ///
     /// # Errors
-    /// [`TensorError::Value`] for a lambda that is not from 0 to 1e12, beyond which nothing of I is left
-    /// in `f64`, or where there is no memory for the factor.
+    /// [`TensorError::Value`] for a lambda outside 0 to 1e12, beyond which nothing of I is left in `f64`; also where
+    /// there is no memory for the factor.
     pub fn new(topology: &Topology, lambda: f64) -> Result<Self, TensorError> {
         if !(0.0..=1e12).contains(&lambda) {
             let rule = "a lambda from 0 to 1e12".into();
@@ -93,230 +84,6 @@ impl Preconditioner {
             TensorError::Value { operation: NAME, rule, value }
         })?;
         Ok(Self(Arc::new(Inner { topology: topology.clone(), lambda, factor })))
-    }
-}
-
-#[cfg(feature = "precondition")]
-impl Factor {
-    /// The factor of `A = I + lambda L`, row by row from the top; none where there is no memory for it.
-    fn new(topology: &Topology, lambda: f64) -> Option<Self> {
-        let matrix = Permuted::new(topology)?;
-        let count = matrix.order.len();
-        let tree = EliminationTree::new(&matrix);
-        let starts = tree.starts;
-        let (mut rows, mut values) = (Vec::new(), Vec::new());
-        rows.try_reserve_exact(starts[count]).ok()?;
-        values.try_reserve_exact(starts[count]).ok()?;
-        rows.resize(starts[count], 0);
-        values.resize(starts[count], 0.0);
-
-        // Where the next entry of each column goes, and row k of A less what the columns before have explained.
-        let mut ends = starts[..count].to_vec();
-        let (mut row, mut columns) = (vec![0.0; count], Vec::new());
-        let mut visited = vec![usize::MAX; count];
-        // Row by row, "up-looking". Of row k only those columns have an entry that lie on the ways from its
-        // entries in A to the root of the elimination tree.
-        for k in 0..count {
-            columns.clear();
-            tree.parents
-                .visit(k, matrix.columns_before(k), &mut visited, |column| columns.push(column));
-            // A parent comes after its children.
-            columns.sort_unstable();
-            matrix.columns_before(k).for_each(|column| row[column] = -lambda);
-            let mut diagonal = 1.0 + lambda * matrix.degree(k) as f64;
-            for &column in &columns {
-                // c_kj = (a_kj - sum_i<j c_ki c_ji) / c_jj
-                let filled = starts[column]..ends[column];
-                let entry = row[column] / values[filled.start];
-                row[column] = 0.0;
-                for index in filled.skip(1) {
-                    row[rows[index] as usize] -= values[index] * entry;
-                }
-                diagonal -= entry * entry;
-                (rows[ends[column]], values[ends[column]]) = (k as u32, entry);
-                ends[column] += 1;
-            }
-            // In exact numbers it is 1 or more.
-            let root = diagonal.max(f64::MIN_POSITIVE).sqrt();
-            (rows[ends[k]], values[ends[k]]) = (k as u32, root);
-            ends[k] += 1;
-        }
-        Some(Self { order: matrix.order, starts, rows, values })
-    }
-}
-
-/// `I + lambda L` in an order of the vertices that keeps its factor sparse: approximate minimum degree.
-#[cfg(feature = "precondition")]
-struct Permuted<'a> {
-    topology: &'a Topology,
-    /// The vertex of each row.
-    order: Vec<u32>,
-    /// The row of each vertex.
-    rows: Vec<usize>,
-}
-
-#[cfg(feature = "precondition")]
-impl<'a> Permuted<'a> {
-    fn new(topology: &'a Topology) -> Option<Self> {
-        let count = topology.vertex_count();
-        let (mut starts, mut neighbors) = (vec![0], Vec::new());
-        for vertex in 0..count {
-            neighbors.extend(topology.neighbors(vertex).iter().map(|&other| other as usize));
-            starts.push(neighbors.len());
-        }
-        let (order, ..) = amd::order(count, &starts, &neighbors, &amd::Control::default()).ok()?;
-        let mut rows = vec![0; count];
-        order.iter().enumerate().for_each(|(row, &vertex)| rows[vertex] = row);
-        let order = order.into_iter().map(|vertex| vertex as u32).collect();
-        Some(Self { topology, order, rows })
-    }
-
-    fn neighbors(&self, row: usize) -> &[u32] {
-        self.topology.neighbors(self.order[row] as usize)
-    }
-
-    fn degree(&self, row: usize) -> usize {
-        self.neighbors(row).len()
-    }
-
-    /// The columns of the entries of a row before its diagonal.
-    fn columns_before(&self, row: usize) -> impl Iterator<Item = usize> {
-        let columns = self.neighbors(row).iter().map(|&other| self.rows[other as usize]);
-        columns.filter(move |&column| column < row)
-    }
-}
-
-/// Where the entries of the factor are.
-#[cfg(feature = "precondition")]
-struct EliminationTree {
-    parents: Parents,
-    /// Where each column starts, and the number of all entries.
-    starts: Vec<usize>,
-}
-
-/// The first row below the diagonal of each column of the factor; `usize::MAX` where there is none yet.
-#[cfg(feature = "precondition")]
-struct Parents(Vec<usize>);
-
-#[cfg(feature = "precondition")]
-impl EliminationTree {
-    fn new(matrix: &Permuted<'_>) -> Self {
-        let count = matrix.order.len();
-        let mut parents = Parents(vec![usize::MAX; count]);
-        let (mut visited, mut lengths) = (vec![usize::MAX; count], vec![1; count]);
-        let mut reached = Vec::new();
-        for k in 0..count {
-            // Row k is the first below the diagonal of each root that is reached.
-            reached.clear();
-            parents.visit(k, matrix.columns_before(k), &mut visited, |column| {
-                lengths[column] += 1;
-                reached.push(column);
-            });
-            for &column in &reached {
-                if parents.0[column] == usize::MAX {
-                    parents.0[column] = k;
-                }
-            }
-        }
-        let mut starts = Vec::with_capacity(count + 1);
-        starts.push(0);
-        lengths.iter().for_each(|length| starts.push(starts[starts.len() - 1] + length));
-        Self { parents, starts }
-    }
-}
-
-#[cfg(feature = "precondition")]
-impl Parents {
-    /// Calls `visit` once for each column with an entry in row `k` of the factor, before its diagonal: those of the
-    /// matrix, and all on the way from them toward the root. `visited` marks columns by rows.
-    fn visit(
-        &self,
-        k: usize,
-        columns: impl Iterator<Item = usize>,
-        visited: &mut [usize],
-        mut visit: impl FnMut(usize),
-    ) {
-        for mut column in columns {
-            // Where another entry's way has come by, the rest of the way is known.
-            while column < k && visited[column] != k {
-                visited[column] = k;
-                visit(column);
-                column = self.0[column];
-            }
-        }
-    }
-}
-
-impl Factor {
-    /// Solves `A x = b` for `W` right-hand sides, in place and in the order of the factor.
-    fn solve<S: Scalar, const W: usize>(&self, x: &mut [[S; W]]) {
-        let count = x.len();
-        let column = |j: usize| {
-            let within = self.starts[j]..self.starts[j + 1];
-            let (rows, values) = (&self.rows[within.clone()], &self.values[within]);
-            let below = rows.iter().zip(values).skip(1);
-            (S::from_f64(values[0]), below.map(|(&row, &value)| (row as usize, S::from_f64(value))))
-        };
-        // C y = b from the top: once x_j is known, all rows below take their share of it off.
-        for j in 0..count {
-            let (diagonal, below) = column(j);
-            let known = x[j].map(|x| x / diagonal);
-            x[j] = known;
-            for (row, value) in below {
-                x[row].iter_mut().zip(known).for_each(|(x, known)| *x -= value * known);
-            }
-        }
-        // C' x = y from the bottom: all that row j needs from below is known.
-        for j in (0..count).rev() {
-            let (diagonal, below) = column(j);
-            let mut sum = x[j];
-            for (row, value) in below {
-                sum.iter_mut().zip(x[row]).for_each(|(sum, x)| *sum -= value * x);
-            }
-            x[j] = sum.map(|sum| sum / diagonal);
-        }
-    }
-
-    /// Solves for columns `first..first + W` of `b`, with rows of `inner` entries.
-    fn solve_columns<T: Scalar, const W: usize>(
-        &self,
-        b: &[T],
-        inner: usize,
-        first: usize,
-        memory: &mut Vec<T::Wide>,
-        mut put: impl FnMut(usize, T),
-    ) {
-        memory.clear();
-        // All W columns at once, so that the factor is read once for them.
-        let entries = self.order.iter().flat_map(|&vertex| {
-            let row = &b[vertex as usize * inner + first..][..W];
-            row.iter().map(|entry| entry.widen())
-        });
-        memory.extend(entries);
-        let rows = memory.as_chunks_mut::<W>().0;
-        self.solve(rows);
-        for (&vertex, row) in self.order.iter().zip(rows) {
-            for (k, &entry) in row.iter().enumerate() {
-                put(vertex as usize * inner + first + k, T::narrow(entry));
-            }
-        }
-    }
-
-    /// Calls `put(k, x_k)` for each entry of the solution of `A x = b`, with rows of `inner` entries.
-    fn solve_rows<T: Scalar>(
-        &self,
-        b: &[T],
-        inner: usize,
-        memory: &mut Vec<T::Wide>,
-        mut put: impl FnMut(usize, T),
-    ) {
-        let threes = inner / 3;
-        for part in 0..threes {
-            self.solve_columns::<T, 3>(b, inner, 3 * part, memory, &mut put);
-        }
-        for first in 3 * threes..inner {
-            self.solve_columns::<T, 1>(b, inner, first, memory, &mut put);
-        }
     }
 }
 

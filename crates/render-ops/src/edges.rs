@@ -1,20 +1,26 @@
 //! The edges of a mesh, and which faces have them.
 
-use crate::triangle::repeats_a_vertex;
-
-/// One face's side: the corner that faces it, and the direction in which the face runs through it.
+/// A side of a face. An edge has a side for each face that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Side {
-    /// The lower vertex first.
-    pub(crate) ends: [u32; 2],
-    pub(crate) face: u32,
-    pub(crate) corner: u8,
+pub struct Side {
+    /// The vertices at its ends, the lower one first.
+    pub ends: [u32; 2],
+    /// The face.
+    pub face: u32,
+    /// The corner that faces the side.
+    pub corner: u8,
     /// Whether the face runs from the lower to the higher vertex.
-    pub(crate) rises: bool,
+    pub rises: bool,
 }
 
-/// The sides of all proper faces by their ends; those of an edge are neighbours, in the order of the faces.
-pub(crate) fn sides(faces: &[[u32; 3]]) -> Vec<Side> {
+/// Whether a face names a vertex twice. Such a face has no area, and no sides.
+pub fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
+    a == b || b == c || c == a
+}
+
+/// The sides of all faces that name three vertices, sorted by their ends. Those of an edge are neighbours, in the
+/// order of the faces.
+pub fn sides(faces: &[[u32; 3]]) -> Vec<Side> {
     let mut sides = Vec::with_capacity(3 * faces.len());
     for (face, index) in faces.iter().zip(0..).filter(|(face, _)| !repeats_a_vertex(**face)) {
         for corner in 0..3_u8 {
@@ -28,6 +34,6 @@ pub(crate) fn sides(faces: &[[u32; 3]]) -> Vec<Side> {
 }
 
 /// The sides of each edge.
-pub(crate) fn edges(sides: &[Side]) -> impl Iterator<Item = &[Side]> {
+pub fn edges(sides: &[Side]) -> impl Iterator<Item = &[Side]> {
     sides.chunk_by(|one, other| one.ends == other.ends)
 }
