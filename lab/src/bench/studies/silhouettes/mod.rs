@@ -147,8 +147,9 @@ pub(super) fn study(bench: &Bench) -> Result<Section, FitError> {
         Section::new("silhouettes", "The gradient of a silhouette, against the true one", "");
     let mut rows = Vec::new();
     let kinds = cases::cases(bench.effort);
+    let sizes = &PIXELS[..bench.effort.choose(2, PIXELS.len())];
     for kind in &kinds {
-        rows.extend(measure(bench, &mut study, kind, &PIXELS)?);
+        rows.extend(measure(bench, &mut study, kind, sizes)?);
     }
     for kind in &cases::of_bench(bench.effort) {
         rows.extend(measure(bench, &mut study, kind, &[kind.pixels])?);
