@@ -90,7 +90,10 @@ mod tests {
     fn a_power_of_two_times_a_vector_has_that_times_its_length() {
         let vector = [3.0, -4.0, 12.0, 0.5];
         let plain = length(&vector).value();
-        for exponent in [-1070, -1022, -600, -481, -480, -479, 0, 500, 511, 512, 1018] {
+        // From -537 down to -541 squares have lost digits, and their sum is not yet 0.
+        for exponent in
+            [-1070, -1022, -600, -540, -538, -537, -481, -480, -479, 0, 500, 511, 512, 1018]
+        {
             let factor = |e: i32| 2.0_f64.powi(e / 2) * 2.0_f64.powi(e - e / 2);
             let scaled = vector.map(|x| x * factor(exponent));
             // Down there the vector itself has lost digits.

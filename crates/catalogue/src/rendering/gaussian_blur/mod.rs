@@ -156,24 +156,36 @@ fn refusing(check: Check, blur: Blur) -> Check {
 }
 
 fn gaussian_blur_by_tridiagonal_systems(entry: &mut Entry) {
-    // Tolerances and the number of poles that each takes, conjugates left out. `reach` is how far a
-    // window would have to reach, as a share of the reach from which on the systems take less time.
-    let by = |border, (tolerance, poles): (f64, usize), more: [usize; 2], reach: f64| {
-        let blur = Blur { kernel: Kernel::Discrete, border, radius: Radius::Tolerance(tolerance) };
-        let least = 34 + 5 * poles;
-        let [height, width] = more.map(|more| least + more);
-        let image = Input::leaf(Tensor::from_flat_fn([height, width, 1], motley));
-        let sigma = reach * least as f64 / (-2.0 * tolerance.ln()).sqrt();
-        Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])
-    };
-    let tolerances = select(&[(1e-2, 2), (1e-3, 2), (1e-4, 3), (1e-5, 3), (1e-6, 4)][..]);
-    let borders = select(&[Border::Zero, Border::Mirror][..]);
-    let cases = (borders, tolerances, [1..=5_usize, 1..=5_usize], 1.03..2.0_f64)
-        .prop_map(move |(border, tolerance, more, reach)| by(border, tolerance, more, reach));
-    entry.check(
-        Check::from_cases("gaussian_blur by tridiagonal systems", cases)
-            .large(1, Just(by(Border::Mirror, (1e-6, 4), [100, 80], 1.5))),
+    // Tolerances and the number of poles that each takes, conjugates left out.
+    let tolerances = || select(&[(1e-2, 2), (1e-3, 2), (1e-4, 3), (1e-5, 3), (1e-6, 4)][..]);
+    let borders = || select(&[Border::Zero, Border::Mirror][..]);
+    // Taps of a window along an axis; with twice as many along both the systems take as long.
+    let least = |poles: usize| 34 + 5 * poles;
+    // `reach` is how far a window would have to reach, as a share of these taps.
+    let by =
+        move |border, (tolerance, poles): (f64, usize), [height, width]: [usize; 2], reach: f64| {
+            let blur =
+                Blur { kernel: Kernel::Discrete, border, radius: Radius::Tolerance(tolerance) };
+            let image = Input::leaf(Tensor::from_flat_fn([height, width, 1], motley));
+            let sigma = reach * least(poles) as f64 / (-2.0 * tolerance.ln()).sqrt();
+            Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])
+        };
+    let cases = (borders(), tolerances(), [1..=5_usize, 1..=5_usize], 1.03..2.0_f64).prop_map(
+        move |(border, tolerance, more, reach)| {
+            by(border, tolerance, more.map(|more| least(tolerance.1) + more), reach)
+        },
     );
+    let large = by(Border::Mirror, (1e-6, 4), [154, 134], 1.5);
+    let check = Check::from_cases("gaussian_blur by tridiagonal systems", cases);
+    entry.check(check.large(1, Just(large)));
+    // Across such a line the lines have one position, which is both of their ends.
+    let lines = (borders(), tolerances(), any::<bool>(), 0..=3_usize, 2.1..3.0_f64).prop_map(
+        move |(border, tolerance, is_column, more, reach)| {
+            let length = 2 * least(tolerance.1) + more;
+            by(border, tolerance, if is_column { [length, 1] } else { [1, length] }, reach)
+        },
+    );
+    entry.check(Check::from_cases("gaussian_blur of a line by tridiagonal systems", lines));
 }
 
 fn gaussian_blur_by_a_disc(entry: &mut Entry) {

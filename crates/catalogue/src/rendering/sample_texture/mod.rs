@@ -61,6 +61,11 @@ pub(crate) fn entry() -> Entry {
                     "sample_texture needs finite coordinates, got NaN in row 1",
                     of(with_one([2, 2], 2, f64::NAN), leaf([2, 2, 2], 0.1)),
                 )
+                // Beyond the first block of numbers that are looked at together.
+                .refuses_midway(
+                    "sample_texture needs finite coordinates, got NaN in row 699",
+                    of(with_one([700, 2], 1398, f64::NAN), leaf([700, 2, 2], 0.1)),
+                )
                 .refuses_midway(
                     "sample_texture needs differentials of shape [3, 2, 2], got shape [3, 2]",
                     of(leaf([3, 2], 0.5), leaf([3, 2], 0.1)),
