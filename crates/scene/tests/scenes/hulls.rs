@@ -94,7 +94,8 @@ fn no_wrong_mask_and_no_other_camera_carves_a_hull_away() {
     let truth = volume(&load(folder.path(), &(HULL.to_owned() + &text)));
     // Nothing is in the mask of one view, and all of it in that of another.
     let mask = |name: &str, share: u8| {
-        let samples = Samples::U8((0..PIXELS * PIXELS).map(|k| if k == 0 { 255 } else { share }).collect());
+        let samples =
+            Samples::U8((0..PIXELS * PIXELS).map(|k| if k == 0 { 255 } else { share }).collect());
         let picture = Picture { width: PIXELS, height: PIXELS, channels: 1, samples };
         let png = picture.encode_png(&Location::new(name)).unwrap();
         fs::write(folder.path().join(name), png).unwrap();
