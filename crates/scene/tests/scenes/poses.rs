@@ -227,6 +227,7 @@ const ROTATIONS: usize = 6;
 #[test]
 fn random_rotations_are_found_by_the_search_alone() {
     let turned = Turned::new(64, 12);
+    // Without the search three are enough to see that none is found.
     for (starts, count) in [("starts = 64\n", ROTATIONS), ("", 3)] {
         let rest = format!("[learn.pose]\n{starts}[stop]\nsteps = 80\n");
         let found = random(count).into_iter().map(|rotation| {
