@@ -206,7 +206,8 @@ fn every_operation_has_a_benchmark() {
     }
 }
 
-/// What is not named there is compiled where it is used: it costs time, silently.
+/// With `precompiled-f64`, which tests and Python have. What is not named there is compiled where it is used: it costs
+/// time, silently.
 #[test]
 fn every_operation_is_compiled_ahead() {
     let source = |path: &str| fs::read_to_string(crates().join(path)).unwrap();

@@ -50,7 +50,18 @@ fn operations_of_the_program<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError
     let mask = x.is_greater(x)?;
     let pairs =
         [x + x, x - x, x * x, x / x, x.pow(x)?, x.maximum(x)?, mask.select(x, x)?, x.dot(x)?];
-    let entries = [x.exp(), x.sqrt(), x.powi(2), x.powf(T::ONE), x.sin(), x.relu(), x.abs(), -x];
+    let entries = [
+        x.exp(),
+        x.sqrt(),
+        x.powi(2),
+        x.powf(T::ONE),
+        x.sin(),
+        x.relu(),
+        x.sigmoid(),
+        x.softplus(),
+        x.abs(),
+        -x,
+    ];
     let sums = [
         x.sum(),
         x.mean()?,
@@ -84,8 +95,6 @@ fn other_operations<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
         x.ln(),
         x.cos(),
         x.tanh(),
-        x.sigmoid(),
-        x.softplus(),
         x.sum_axis(0)?,
         x.mean_axis(0)?,
         x.permute(&[])?,

@@ -12,8 +12,8 @@
 //! bring points back into the image. So it holds up to the *limit*, the first radius at which that
 //! happens or d falls below [`LEAST`], and at most up to [`FARTHEST`]. With `n = sum_i n_i s^i` and d alike,
 //! the slope of `r f(r^2)` has the sign of `sum_ij (1 + 2 i - 2 j) n_i d_j s^(i + j)`. From the limit on the map
-//! goes on linearly along each ray from the centre: with `m = limit / r`, the point m (x, y) is on the limit, and
-//! what it is shown at is divided by m. Times Z that is `rho / limit` times the distorted point `limit n` of the limit,
+//! goes on linearly along each ray from the centre: with `m = limit / r`, the point m (x, y) is at the limit, and
+//! what it is shown at is divided by m. Times Z that is `rho / limit` times the distorted point `limit n`,
 //! with `rho = |(X, Y)|` and `n = (X, Y) / rho`. It does not depend on Z, so it goes on to Z = 0, and behind the
 //! camera.
 //!

@@ -8,7 +8,7 @@
 //!
 //! The polynomial is fitted to what the sensor saw. So it holds up to the *limit*, the first angle at which theta_d
 //! stops to grow, and at most up to [`WIDEST`]. From there on directions turn evenly until the axis behind
-//! the camera stays where it is: with `tau = pi - theta`, and the radius R of the limit, P goes to
+//! the camera stays where it is: with `tau = pi - theta`, and the radius R at the limit, P goes to
 //! `(g X, g Y, d h)`, where `g = sin(c tau) / (C sin(tau))`, `h = -cos(c tau) / C`, `C = (1 + R^2)^(-1/2)` and
 //! `c = (pi - atan(R)) / (pi - limit)`. So the sphere of directions is mapped on itself without a tear, and what
 //! lies beyond the limit leaves the image through infinity, as it does for a pinhole.
