@@ -243,7 +243,7 @@ enum Kind {
     Double(Casts<Levels<f64>>),
 }
 
-/// Texels that stay as they are, `[H, W, C]`, or a cube map's, `[6, S, S, C]`, with their mipmaps.
+/// Constant texels, `[H, W, C]`, or a cube map's, `[6, S, S, C]`, with their mipmaps.
 #[pyclass(frozen, module = "bokashi")]
 pub struct Texture(Kind);
 

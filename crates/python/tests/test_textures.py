@@ -1,4 +1,4 @@
-"""Levels of textures, and textures that stay."""
+"""Levels of textures, and constant textures."""
 
 import copy
 import pickle

@@ -3,6 +3,7 @@
 use super::exact::{exact, loose_faces, picture};
 use super::sheets::crumpled;
 use super::*;
+use bokashi_core::mixing::{GOLDEN, mixed};
 use bokashi_render_ops::{
     BoundaryCounts, Cull, Limits, Mesh, RasterOptions, Size, interpolate, rasterize,
 };
@@ -209,10 +210,8 @@ impl Drawing {
 fn numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((mixed ^ mixed >> 31) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        state = state.wrapping_add(GOLDEN);
+        (mixed(state) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }
 
