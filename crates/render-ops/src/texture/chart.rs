@@ -26,7 +26,7 @@ use bokashi_core::Scalar;
 
 use super::lanes::{LANES, Lanes};
 use super::options::TextureBorder;
-use crate::cube_faces::{AXES, towards_texel};
+use crate::cube_faces::towards_texel;
 
 /// A place on a face of a texture: (0, 0) is its upper left corner and (1, 1) its lower right corner.
 #[derive(Debug, Clone, Copy)]
@@ -338,25 +338,57 @@ impl Chart<2> for Plane {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cube;
 
-impl Cube {
-    /// The face that a direction meets, and its component along the face's normal.
+/// The face that a direction meets. All is chosen without branches, so that loops over directions become vectors'.
+#[derive(Debug, Clone, Copy)]
+struct Face<T> {
+    /// Whether its normal is along x, or along z.
+    on_x: bool,
+    on_z: bool,
+    /// 1 where its normal is along the axis, -1 where it is against it.
+    sign: T,
+}
+
+impl<T: Scalar> Face<T> {
     #[inline(always)]
-    fn face<T: Scalar>(direction: [T; 3]) -> (usize, T) {
+    fn met_by(direction: [T; 3]) -> Self {
         let [x, y, z] = direction.map(T::abs);
         // Of components of one size the first counts, so each direction has one face.
-        let axis = if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) };
-        let major = direction[axis];
-        (2 * axis + usize::from(major < T::ZERO), major)
+        let on_x = (x >= y) & (x >= z);
+        let face = Self { on_x, on_z: !on_x & (z > y), sign: T::ONE };
+        let [x, y, z] = direction;
+        Self { sign: if face.choose([x, y, z]) < T::ZERO { -T::ONE } else { T::ONE }, ..face }
     }
 
-    /// s' and t' of a direction with such a component `major` on `face`.
+    /// Of what there is for the faces along each axis, that for this face.
     #[inline(always)]
-    fn ratios<T: Scalar>(direction: [T; 3], face: usize, major: T) -> [T; 2] {
-        AXES[face].map(|(axis, sign)| T::from_f64(sign) * direction[axis] / major.abs())
+    fn choose(self, [x, y, z]: [T; 3]) -> T {
+        let others = if self.on_z { z } else { y };
+        if self.on_x { x } else { others }
     }
 
-    fn sign<T: Scalar>(major: T) -> T {
-        if major < T::ZERO { -T::ONE } else { T::ONE }
+    #[inline(always)]
+    fn number(self) -> u8 {
+        let axis = u8::from(!self.on_x) + u8::from(self.on_z);
+        2 * axis + u8::from(self.sign < T::ZERO)
+    }
+
+    /// A vector's components along s and t of the face, as `cube_faces::AXES` has them, and along its normal.
+    #[inline(always)]
+    fn turn(self, [x, y, z]: [T; 3]) -> [T; 3] {
+        let sign = self.sign;
+        let s = self.choose([-(sign * z), x, sign * x]);
+        let t = self.choose([-y, sign * z, -y]);
+        [s, t, sign * self.choose([x, y, z])]
+    }
+
+    /// The vector with these components.
+    #[inline(always)]
+    fn turn_back(self, [s, t, normal]: [T; 3]) -> [T; 3] {
+        let (sign, normal) = (self.sign, self.sign * normal);
+        let x = self.choose([normal, s, sign * s]);
+        let y = self.choose([-t, normal, -t]);
+        let z = self.choose([-(sign * s), sign * t, normal]);
+        [x, y, z]
     }
 }
 
@@ -367,42 +399,35 @@ impl Chart<3> for Cube {
 
     #[inline(always)]
     fn locate<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
-        let (face, major) = Self::face(direction);
+        let face = Face::met_by(direction);
+        let [s, t, depth] = face.turn(direction);
         let half = T::from_f64(0.5);
-        let position = Self::ratios(direction, face, major).map(|ratio| {
+        let position = [s, t].map(|along| {
             // A sum of probes may be no direction at all.
-            let coordinate = half * ratio + half;
+            let coordinate = half * (along / depth) + half;
             if coordinate >= T::ZERO { coordinate.minimum_number(T::ONE) } else { T::ZERO }
         });
-        Place { face, position }
+        Place { face: usize::from(face.number()), position }
     }
 
     #[inline(always)]
     fn pull_back<T: Scalar>(self, direction: [T; 3], position_bar: [T; 2]) -> [T; 3] {
-        let (face, major) = Self::face(direction);
-        let ratios = Self::ratios(direction, face, major);
-        let mut bar = [T::ZERO; 3];
-        // A ratio `sign d / |m|` of a component d to the major one m has the slopes `sign / |m|` with d and
-        // `-ratio m / |m|^2` with m.
-        for (k, (axis, sign)) in AXES[face].into_iter().enumerate() {
-            let ratio_bar = T::from_f64(0.5) * position_bar[k] / major.abs();
-            bar[axis] += T::from_f64(sign) * ratio_bar;
-            bar[face / 2] -= ratios[k] * Self::sign(major) * ratio_bar;
-        }
-        bar
+        let face = Face::met_by(direction);
+        let [s, t, depth] = face.turn(direction);
+        // A ratio `s / d` has the slopes `1 / d` with s and `-(s / d) / d` with d.
+        let [s_bar, t_bar] = position_bar.map(|bar| T::from_f64(0.5) * bar / depth);
+        face.turn_back([s_bar, t_bar, -(s / depth * s_bar) - t / depth * t_bar])
     }
 
     #[inline(always)]
     fn slopes<T: Scalar>(self, direction: [T; 3], slopes: [[T; 2]; 3]) -> [[T; 2]; 2] {
-        let (face, major) = Self::face(direction);
-        let ratios = Self::ratios(direction, face, major);
-        let scale = T::from_f64(0.5) / major.abs();
-        std::array::from_fn(|i| {
-            let (axis, sign) = AXES[face][i];
-            [0, 1].map(|k| {
-                let along = ratios[i] * Self::sign(major) * slopes[face / 2][k];
-                scale * (T::from_f64(sign) * slopes[axis][k] - along)
-            })
+        let face = Face::met_by(direction);
+        let [s, t, depth] = face.turn(direction);
+        let scale = T::from_f64(0.5) / depth;
+        let turned = [0, 1].map(|k| face.turn(slopes.map(|slopes| slopes[k])));
+        [0, 1].map(|i| {
+            let ratio = [s, t][i] / depth;
+            turned.map(|slopes| scale * (slopes[i] - ratio * slopes[2]))
         })
     }
 
@@ -413,25 +438,27 @@ impl Chart<3> for Cube {
         slopes: [[T; 2]; 3],
         bars: [[T; 2]; 2],
     ) -> ([T; 3], [[T; 2]; 3]) {
-        let (face, major) = Self::face(direction);
-        let (ratios, sign_of_major) = (Self::ratios(direction, face, major), Self::sign(major));
+        let face = Face::met_by(direction);
+        let [s, t, depth] = face.turn(direction);
         let here = self.slopes(direction, slopes);
-        let (mut bar, mut slopes_bar) = ([T::ZERO; 3], [[T::ZERO; 2]; 3]);
-        let inverse = T::ONE / major.abs();
-        for (i, (axis, sign)) in AXES[face].into_iter().enumerate() {
-            let sign = T::from_f64(sign);
-            let (mut ratio_bar, mut length_bar) = (T::ZERO, T::ZERO);
+        let turned = [0, 1].map(|k| face.turn(slopes.map(|slopes| slopes[k])));
+        let (mut bar, mut turned_bars) = ([T::ZERO; 3], [[T::ZERO; 3]; 2]);
+        let inverse = T::ONE / depth;
+        for i in 0..2 {
+            let ratio = [s, t][i] / depth;
+            let mut ratio_bar = T::ZERO;
             for k in 0..2 {
                 let part = T::from_f64(0.5) * inverse * bars[i][k];
-                slopes_bar[axis][k] += sign * part;
-                slopes_bar[face / 2][k] -= ratios[i] * sign_of_major * part;
-                ratio_bar -= sign_of_major * slopes[face / 2][k] * part;
-                length_bar -= here[i][k] * bars[i][k] * inverse;
+                turned_bars[k][i] += part;
+                turned_bars[k][2] -= ratio * part;
+                ratio_bar -= turned[k][2] * part;
+                bar[2] -= here[i][k] * bars[i][k] * inverse;
             }
-            bar[axis] += sign * ratio_bar * inverse;
-            bar[face / 2] += sign_of_major * (length_bar - ratios[i] * ratio_bar * inverse);
+            bar[i] += ratio_bar * inverse;
+            bar[2] -= ratio * ratio_bar * inverse;
         }
-        (bar, slopes_bar)
+        let [of_x, of_y] = turned_bars.map(|bars| face.turn_back(bars));
+        (face.turn_back(bar), [0, 1, 2].map(|axis| [of_x[axis], of_y[axis]]))
     }
 
     fn beyond(self, [extent, _]: [usize; 2], face: usize, [row, column]: [isize; 2]) -> Texels {
