@@ -15,6 +15,7 @@
 //! [`Tape::partial_sums`] gives the sums of subtrees, for whoever adds them elsewhere.
 
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
@@ -64,13 +65,14 @@ impl<T: Scalar> PartialSum<T> {
         Self { value, gradients, report: TapeReport::default() }
     }
 
-    /// Adds the sum over the parts that come next.
-    fn add(&mut self, next: Self) {
+    /// Adds the sum over the parts that come next; `recycle` is given the tensors that are done with.
+    fn add(&mut self, next: Self, mut recycle: impl FnMut(Tensor<T>)) {
         self.value += next.value;
         for (sum, next) in self.gradients.iter_mut().zip(next.gradients) {
             match (sum.as_mut(), next) {
                 (Some(sum), Some(next)) => {
                     for_each_zipped_mut(sum.data_mut(), [next.data()], |sum, [next]| *sum += next);
+                    recycle(next);
                 }
                 (None, Some(next)) => *sum = Some(next),
                 (_, None) => {}
@@ -96,7 +98,7 @@ struct Parts<'a, T: Scalar, E> {
     is_timed: bool,
 }
 
-type SpareTapes<T> = std::sync::Mutex<Vec<Tape<T>>>;
+type SpareTapes<T> = Mutex<Vec<Tape<T>>>;
 
 impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
     /// The sums over the parts of several ranges, each of which has at least one.
@@ -125,20 +127,27 @@ impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
         };
         let (first, second) = join(true, || self.sum(first), || self.sum(second));
         let mut first = first?;
-        first.add(second?);
+        first.add(second?, |tensor| {
+            if let Some(tape) = self.spare().last() {
+                tape.recycle(tensor);
+            }
+        });
         Ok(first)
     }
 
     /// Part k alone.
     fn one(&self, k: usize) -> Result<PartialSum<T>, E> {
-        // A poisoned lock holds tapes that nothing was recorded on.
-        let spare = || self.tape.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let mut tape = spare().pop().unwrap_or_default();
+        let mut tape = self.spare().pop().unwrap_or_default();
         let partial = self.on(&tape, k);
         tape.reset();
         let report = tape.take_report();
-        spare().push(tape);
+        self.spare().push(tape);
         partial.map(|partial| PartialSum { report, ..partial })
+    }
+
+    fn spare(&self) -> MutexGuard<'_, Vec<Tape<T>>> {
+        // A poisoned lock holds tapes that nothing was recorded on.
+        self.tape.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Part k on a tape of its own.
