@@ -157,8 +157,13 @@ pub fn for_each_zipped_mut<D: Send, T: Copy + Sync, const N: usize>(
 ) {
     for_each_piece_mut(data, ENTRIES_PER_PIECE, |k, piece| {
         let from = from.map(|entries| &entries[k * ENTRIES_PER_PIECE..][..piece.len()]);
+        // A map of the array is a call, for each entry, where a crate is compiled in several units.
+        let mut numbers = from.map(|entries| entries[0]);
         for (k, entry) in piece.iter_mut().enumerate() {
-            work(entry, from.map(|entries| entries[k]));
+            for n in 0..N {
+                numbers[n] = from[n][k];
+            }
+            work(entry, numbers);
         }
     });
 }
