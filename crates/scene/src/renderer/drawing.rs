@@ -231,7 +231,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::draw`], for a step of many: where neither geometry nor cameras are learnt, a view's
-    /// fragments are kept, as far as a budget of memory goes. That changes no bit.
+    /// fragments are kept, as far as a budget of memory goes, and the normals at the vertices. That changes no bit.
     ///
     /// # Errors
     /// As [`Renderer::draw`].
@@ -257,7 +257,7 @@ impl Renderer {
         }
         let Request { view, reduce, with_mask, with_lens, cache } = request;
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
-        let interpolated = self.interpolated(values, world)?;
+        let interpolated = self.interpolated(values, world, cache)?;
         let view_camera = self.view_camera(view, reduce);
         let size = view_camera.camera.size;
         let step_camera = view_camera.in_step(values)?;
@@ -372,10 +372,13 @@ impl Renderer {
         &self,
         values: &Values<'t, '_>,
         world: Var<'t, f32>,
+        cache: Option<&FragmentCache>,
     ) -> Result<Interpolated<'t, '_>, FitError> {
         let objects = &self.scene.objects;
         let context = MotionContext { objects, frame: &self.frame, values };
-        let normals = self.lighting.is_lit().then(|| self.normals.vertex_normals(world, context));
+        let kept = cache.map(FragmentCache::normals);
+        let normals =
+            self.lighting.is_lit().then(|| self.normals.vertex_normals(world, context, kept));
         Ok(Interpolated {
             attributes: self.materials.vertex_attributes(&self.parts, objects, values)?,
             normals: normals.transpose()?,
@@ -505,7 +508,8 @@ impl Renderer {
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
         let context = MotionContext { objects: &self.scene.objects, frame: &self.frame, values };
-        self.normals.at_fragments(self.normals.vertex_normals(world, context)?, fragments, None)
+        let normals = self.normals.vertex_normals(world, context, None)?;
+        self.normals.at_fragments(normals, fragments, None)
     }
 
     /// Which of the instances of all objects a face belongs to.

@@ -1,8 +1,9 @@
-//! Fragments of views that stay as they are from step to step.
+//! Fragments of views, and normals, that stay as they are from step to step.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use bokashi_core::Tensor;
 use bokashi_render_ops::ConstantFragments;
 
 /// The memory of fragments, in bytes.
@@ -24,18 +25,22 @@ pub(super) struct Key {
 
 /// Fragments by view, those of the first views that are drawn. Which of them are kept changes no bit.
 #[derive(Default)]
-pub(super) struct FragmentCache(Mutex<Inner>);
+pub(super) struct FragmentCache {
+    /// Normals at the vertices in the world.
+    normals: OnceLock<Tensor<f32>>,
+    views: Mutex<Views>,
+}
 
 #[derive(Default)]
-struct Inner {
+struct Views {
     bytes: usize,
     /// What is visible, and the layers behind it.
-    views: HashMap<Key, Vec<ConstantFragments<f32>>>,
+    layers: HashMap<Key, Vec<ConstantFragments<f32>>>,
 }
 
 impl FragmentCache {
     pub(super) fn get(&self, key: Key) -> Option<Vec<ConstantFragments<f32>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).views.get(&key).cloned()
+        self.lock().layers.get(&key).cloned()
     }
 
     pub(super) fn insert(&self, key: Key, layers: Vec<ConstantFragments<f32>>) {
@@ -45,10 +50,19 @@ impl FragmentCache {
                 + PER_PIXEL * coverage.size().pixels()
         });
         let bytes = bytes.sum::<usize>();
-        let mut inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if inner.bytes + bytes <= BUDGET && !inner.views.contains_key(&key) {
-            inner.bytes += bytes;
-            inner.views.insert(key, layers);
+        let mut views = self.lock();
+        if views.bytes + bytes <= BUDGET && !views.layers.contains_key(&key) {
+            views.bytes += bytes;
+            views.layers.insert(key, layers);
         }
+    }
+
+    /// Where normals at the vertices are kept.
+    pub(super) fn normals(&self) -> &OnceLock<Tensor<f32>> {
+        &self.normals
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Views> {
+        self.views.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

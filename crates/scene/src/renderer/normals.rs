@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
@@ -141,29 +141,25 @@ impl Normals {
         Ok(())
     }
 
-    /// Normals at the vertices in the world.
+    /// Normals at the vertices in the world. Where nothing moves, `kept` has them once they are known.
     pub(super) fn vertex_normals<'t>(
         &self,
         world: Var<'t, f32>,
         context: MotionContext<'t, '_>,
+        kept: Option<&OnceLock<Tensor<f32>>>,
     ) -> Result<VertexNormals<'t, '_>, FitError> {
         let corners = match &self.vertices {
             Some(vertices) => world.gather_rows(vertices)?,
             None => world,
         };
-        let of_faces = || vertex_normals(corners, &self.mesh, Weighting::Angle);
-        let rows = match self.pieces.iter().any(|(_, given)| given.is_some()) {
-            false => of_faces()?,
-            true => {
-                let mut others = None;
-                let rows = self.pieces.iter().map(|(range, given)| match (given, others) {
-                    (Some(directions), _) => directions.normals(context),
-                    (None, Some(others)) => Ok(Var::slice(others, 0, range.clone())?),
-                    (None, None) => Ok(others.insert(of_faces()?).slice(0, range.clone())?),
-                });
-                Var::concat(&rows.collect::<Result<Vec<_>, FitError>>()?, 0)?
-            }
+        let rows = match kept.and_then(OnceLock::get) {
+            Some(rows) => world.tape().constant(rows),
+            None => self.rows(corners, context)?,
         };
+        if let Some(kept) = kept {
+            // Whoever comes first: all have the same bits.
+            kept.get_or_init(|| rows.value());
+        }
         let given = self.tangents.iter().flat_map(|tangents| &tangents.given);
         let tangents = given.map(|directions| directions.tangents(context));
         let tangents = tangents.collect::<Result<Vec<_>, _>>()?;
@@ -175,6 +171,21 @@ impl Normals {
                 all => Some(Var::concat(all, 0)?),
             },
         })
+    }
+
+    /// The normals of the corners, `[A, 3]`.
+    fn rows<'t>(&self, corners: Var<'t, f32>, context: MotionContext<'t, '_>) -> Recorded<'t> {
+        let of_faces = || vertex_normals(corners, &self.mesh, Weighting::Angle);
+        if self.pieces.iter().all(|(_, given)| given.is_none()) {
+            return Ok(of_faces()?);
+        }
+        let mut others = None;
+        let rows = self.pieces.iter().map(|(range, given)| match (given, others) {
+            (Some(directions), _) => directions.normals(context),
+            (None, Some(others)) => Ok(Var::slice(others, 0, range.clone())?),
+            (None, None) => Ok(others.insert(of_faces()?).slice(0, range.clone())?),
+        });
+        Ok(Var::concat(&rows.collect::<Result<Vec<_>, FitError>>()?, 0)?)
     }
 
     /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has the vectors of normal maps at
