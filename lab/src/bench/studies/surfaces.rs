@@ -9,8 +9,9 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Parameter, Parameters, Pipeline, mean_squared_error, views,
 };
 use bokashi_render_ops::{
-    Blur, Cull, DepthImage, Detail, Iris, Lens, LensOptions, Light, Material, Radius, Sampler,
-    Surface, Texture, TextureFilter, depth_of_field, gaussian_blur, sample_texture, shade,
+    Blur, CubeMap, Cull, DepthImage, Detail, Iris, Lens, LensOptions, Light, Material, Radius,
+    Sampler, Surface, Texture, TextureFilter, depth_of_field, gaussian_blur, sample_cube_map,
+    sample_texture, shade,
 };
 use bokashi_report::{Cell, Section, Table};
 use glam::{DMat4, DVec3};
@@ -83,6 +84,18 @@ fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
     });
     add("mipmaps and sample_texture, 8 probes", &texture, |_, v| {
         textured(&[v[0], v[1], v[2].detach()], TextureFilter::Anisotropic { probes: 8 })
+    });
+    // From pole to pole, around each of them.
+    let directions = rows(|[x, y]| {
+        let (sine, cosine) = (std::f64::consts::PI * y).sin_cos();
+        let (east, north) = (std::f64::consts::TAU * x).sin_cos();
+        [sine * east, sine * north, cosine]
+    });
+    let side = pixels / 4;
+    let faces = Tensor::from_flat_fn([6, side, side, 3], |_| uniform(0.0, 1.0));
+    add("sample_cube_map, bilinear", &[&faces, &directions], |_, v| {
+        let sampler = Sampler::new().filter(TextureFilter::Bilinear);
+        Ok(sample_cube_map(&CubeMap::new(v[0])?, v[1], Detail::Finest, sampler)?)
     });
     let normals = rows(|[x, y]| [x - 0.5, y - 0.5, 1.0]);
     let eyes = rows(|[x, y]| [0.5 - x, 0.25 - y, 2.0]);
