@@ -361,6 +361,29 @@ fn a_steady_step_with_a_target_made_aside_allocates_nothing() {
     });
 }
 
+// The gradients of parts go back to where they came from. What their sum is leaves with the step.
+#[test]
+fn a_steady_step_of_a_sum_over_parts_allocates_no_more_than_the_gradient_of_the_sum() {
+    let (mut tape, entries) = (Tape::<f32>::new(), 1 << 18);
+    let x = Tensor::full([entries], 0.5);
+    let mut step = move || {
+        let leaf = tape.leaf(&x);
+        let sum = tape.sum_over(8, &[leaf], |_, _, x| Ok::<_, TensorError>(x[0].square().sum()));
+        let found = sum.unwrap().backward().unwrap().get(leaf).unwrap().data()[7];
+        assert_eq!(found, 8.0);
+        tape.reset();
+    };
+    let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    alone.install(|| {
+        step();
+        step();
+        for k in 3..6 {
+            let bytes = measure(&mut step).bytes_total as usize;
+            assert!(bytes < 2 * 4 * entries, "step {k} allocates {bytes} bytes");
+        }
+    });
+}
+
 #[test]
 fn a_steady_step_with_exact_coverage_allocates_nothing() {
     for side in [32, 300] {
