@@ -89,7 +89,7 @@ type Part<'a, T, E> =
 
 /// The inputs of all parts, and where their tapes come from.
 struct Parts<'a, T: Scalar, E> {
-    tape: &'a SpareTapes<T>,
+    spare: &'a Mutex<Spare<T>>,
     /// Values, and whether a gradient could be asked for.
     inputs: &'a [(Tensor<T>, bool)],
     part: &'a Part<'a, T, E>,
@@ -98,7 +98,27 @@ struct Parts<'a, T: Scalar, E> {
     is_timed: bool,
 }
 
-type SpareTapes<T> = Mutex<Vec<Tape<T>>>;
+/// What parts use again.
+#[derive(Debug)]
+pub(crate) struct Spare<T: Scalar> {
+    tapes: Vec<SpareTape<T>>,
+    /// Gradients of parts that were added up.
+    done: Vec<Tensor<T>>,
+}
+
+#[derive(Debug)]
+struct SpareTape<T: Scalar> {
+    tape: Tape<T>,
+    /// How many gradients its last part took with it. It gets no more than these back, so that no tape gathers what
+    /// others lack.
+    taken: usize,
+}
+
+impl<T: Scalar> Default for Spare<T> {
+    fn default() -> Self {
+        Self { tapes: Vec::new(), done: Vec::new() }
+    }
+}
 
 impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
     /// The sums over the parts of several ranges, each of which has at least one.
@@ -127,27 +147,33 @@ impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {
         };
         let (first, second) = join(true, || self.sum(first), || self.sum(second));
         let mut first = first?;
-        first.add(second?, |tensor| {
-            if let Some(tape) = self.spare().last() {
-                tape.recycle(tensor);
-            }
-        });
+        first.add(second?, |tensor| self.spare().done.push(tensor));
         Ok(first)
     }
 
     /// Part k alone.
     fn one(&self, k: usize) -> Result<PartialSum<T>, E> {
-        let mut tape = self.spare().pop().unwrap_or_default();
+        let mut tape = self.take_tape();
         let partial = self.on(&tape, k);
         tape.reset();
         let report = tape.take_report();
-        self.spare().push(tape);
+        let taken = partial.as_ref().map_or(0, |sum| sum.gradients.iter().flatten().count());
+        self.spare().tapes.push(SpareTape { tape, taken });
         partial.map(|partial| PartialSum { report, ..partial })
     }
 
-    fn spare(&self) -> MutexGuard<'_, Vec<Tape<T>>> {
+    /// A tape that nobody uses, with memory for the gradients that a part takes with it.
+    fn take_tape(&self) -> Tape<T> {
+        let mut spare = self.spare();
+        let Some(SpareTape { tape, taken }) = spare.tapes.pop() else { return Tape::default() };
+        let first = spare.done.len().saturating_sub(taken);
+        spare.done.drain(first..).for_each(|tensor| tape.recycle(tensor));
+        tape
+    }
+
+    fn spare(&self) -> MutexGuard<'_, Spare<T>> {
         // A poisoned lock holds tapes that nothing was recorded on.
-        self.tape.lock().unwrap_or_else(PoisonError::into_inner)
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Part k on a tape of its own.
@@ -282,7 +308,7 @@ impl<T: Scalar> Tape<T> {
         let values: Vec<_> =
             inputs.iter().map(|input| (input.value(), input.needs_gradient())).collect();
         let parts = Parts {
-            tape: &self.spare,
+            spare: &self.spare,
             inputs: &values,
             part: &part,
             is_shared: share.len() < threads(),
@@ -311,5 +337,46 @@ impl<T: Scalar> Tape<T> {
             inputs.iter().zip(&gradients).filter(|(_, g)| g.is_some()).map(|(&x, _)| x).collect();
         let gradients = gradients.into_iter().flatten().collect();
         self.apply(SumOver { value: T::narrow(value), gradients }, &used)
+    }
+}
+
+#[cfg(all(test, feature = "parallel"))]
+mod tests {
+    use std::thread::sleep;
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Buffers and tensors that wait.
+    fn waiting(tape: &mut Tape<f64>) -> usize {
+        let Spare { tapes, done } = tape.spare.get_mut().unwrap();
+        let counts = tapes.iter_mut().map(|spare| spare.tape.inner.get_mut().pool.count());
+        counts.sum::<usize>() + done.len()
+    }
+
+    // One tape would get what the others had, where it gets whatever is added up last.
+    #[test]
+    fn memory_does_not_gather_where_one_part_takes_longer_than_the_others() {
+        let mut tape = Tape::<f64>::new();
+        let x = Tensor::full([1000], 0.5);
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+        let mut early = 0;
+        for step in 0..60 {
+            // Whole, since only so it goes to another thread.
+            let (tape_there, x) = (&mut tape, &x);
+            threads.install(move || {
+                let x = tape_there.leaf(x);
+                let sum = tape_there.sum_over(4, &[x], |k, _, x| {
+                    sleep(Duration::from_micros(if k == 0 { 500 } else { 0 }));
+                    Ok::<_, TensorError>(x[0].square().sum())
+                });
+                sum.unwrap().backward().unwrap();
+            });
+            tape.reset();
+            match step {
+                0..20 => early = early.max(waiting(&mut tape)),
+                _ => assert!(waiting(&mut tape) <= early + 8, "step {step}: {early} before"),
+            }
+        }
     }
 }

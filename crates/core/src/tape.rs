@@ -14,6 +14,7 @@ use crate::op::Renamed;
 use crate::pool::Pool;
 use crate::report::{Tally, TapeReport};
 use crate::scalar::Scalar;
+use crate::sum_over::Spare;
 use crate::tensor::Tensor;
 use crate::value::Value;
 
@@ -30,8 +31,8 @@ use crate::value::Value;
 /// ```
 pub struct Tape<T: Scalar> {
     pub(crate) inner: RefCell<Inner<T>>,
-    /// Tapes of parts that are computed apart ([`Tape::sum_over`]), to be used again.
-    pub(crate) spare: Mutex<Vec<Tape<T>>>,
+    /// Tapes and gradients of parts that are computed apart ([`Tape::sum_over`]), to be used again.
+    pub(crate) spare: Mutex<Spare<T>>,
     /// Tapes of what is computed beside a step ([`Tape::aside`]), to be used again.
     aside: RefCell<Vec<Tape<T>>>,
 }
@@ -132,7 +133,7 @@ impl<T: Scalar> Tape<T> {
                 is_call_under_way: false,
                 is_memory_doubtful: false,
             }),
-            spare: Mutex::new(Vec::new()),
+            spare: Mutex::default(),
             aside: RefCell::new(Vec::new()),
         }
     }

@@ -372,6 +372,12 @@ impl<T: Scalar> Face<T> {
         2 * axis + u8::from(self.sign < T::ZERO)
     }
 
+    /// How far the face is along a direction that meets it.
+    #[inline(always)]
+    fn depth(self, direction: [T; 3]) -> T {
+        self.choose(direction).abs()
+    }
+
     /// A vector's components along s and t of the face, as `cube_faces::AXES` has them, and along its normal.
     #[inline(always)]
     fn turn(self, [x, y, z]: [T; 3]) -> [T; 3] {
@@ -400,7 +406,7 @@ impl Chart<3> for Cube {
     #[inline(always)]
     fn locate<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
         let face = Face::met_by(direction);
-        let [s, t, depth] = face.turn(direction);
+        let ([s, t, _], depth) = (face.turn(direction), face.depth(direction));
         let half = T::from_f64(0.5);
         let position = [s, t].map(|along| {
             // A sum of probes may be no direction at all.
@@ -413,7 +419,7 @@ impl Chart<3> for Cube {
     #[inline(always)]
     fn pull_back<T: Scalar>(self, direction: [T; 3], position_bar: [T; 2]) -> [T; 3] {
         let face = Face::met_by(direction);
-        let [s, t, depth] = face.turn(direction);
+        let ([s, t, _], depth) = (face.turn(direction), face.depth(direction));
         // A ratio `s / d` has the slopes `1 / d` with s and `-(s / d) / d` with d.
         let [s_bar, t_bar] = position_bar.map(|bar| T::from_f64(0.5) * bar / depth);
         face.turn_back([s_bar, t_bar, -(s / depth * s_bar) - t / depth * t_bar])
@@ -422,7 +428,7 @@ impl Chart<3> for Cube {
     #[inline(always)]
     fn slopes<T: Scalar>(self, direction: [T; 3], slopes: [[T; 2]; 3]) -> [[T; 2]; 2] {
         let face = Face::met_by(direction);
-        let [s, t, depth] = face.turn(direction);
+        let ([s, t, _], depth) = (face.turn(direction), face.depth(direction));
         let scale = T::from_f64(0.5) / depth;
         let turned = [0, 1].map(|k| face.turn(slopes.map(|slopes| slopes[k])));
         [0, 1].map(|i| {
@@ -439,23 +445,23 @@ impl Chart<3> for Cube {
         bars: [[T; 2]; 2],
     ) -> ([T; 3], [[T; 2]; 3]) {
         let face = Face::met_by(direction);
-        let [s, t, depth] = face.turn(direction);
+        let ([s, t, _], depth) = (face.turn(direction), face.depth(direction));
         let here = self.slopes(direction, slopes);
         let turned = [0, 1].map(|k| face.turn(slopes.map(|slopes| slopes[k])));
         let (mut bar, mut turned_bars) = ([T::ZERO; 3], [[T::ZERO; 3]; 2]);
         let inverse = T::ONE / depth;
         for i in 0..2 {
             let ratio = [s, t][i] / depth;
-            let mut ratio_bar = T::ZERO;
+            let (mut ratio_bar, mut depth_bar) = (T::ZERO, T::ZERO);
             for k in 0..2 {
                 let part = T::from_f64(0.5) * inverse * bars[i][k];
                 turned_bars[k][i] += part;
                 turned_bars[k][2] -= ratio * part;
                 ratio_bar -= turned[k][2] * part;
-                bar[2] -= here[i][k] * bars[i][k] * inverse;
+                depth_bar -= here[i][k] * bars[i][k] * inverse;
             }
             bar[i] += ratio_bar * inverse;
-            bar[2] -= ratio * ratio_bar * inverse;
+            bar[2] += depth_bar - ratio * ratio_bar * inverse;
         }
         let [of_x, of_y] = turned_bars.map(|bars| face.turn_back(bars));
         (face.turn_back(bar), [0, 1, 2].map(|axis| [of_x[axis], of_y[axis]]))

@@ -253,6 +253,8 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         if let Some(surfaces) = self.on_surfaces(values)? {
             let values = Values { learnt: Some(&surfaces.variables), ..*values };
+            // What is kept is of this renderer's meshes.
+            let request = Request { cache: None, ..request };
             return surfaces.renderer.as_ref().unwrap_or(self).draw_request(&values, request);
         }
         let Request { view, reduce, with_mask, with_lens, cache } = request;

@@ -23,7 +23,8 @@ pub(super) struct Key {
     pub(super) margin: usize,
 }
 
-/// Fragments by view, those of the first views that are drawn. Which of them are kept changes no bit.
+/// What one renderer keeps: fragments by view, those of the first views that are drawn. Which of them are kept changes no
+/// bit.
 #[derive(Default)]
 pub(super) struct FragmentCache {
     /// Normals at the vertices in the world.

@@ -141,7 +141,8 @@ impl Normals {
         Ok(())
     }
 
-    /// Normals at the vertices in the world. Where nothing moves, `kept` has them once they are known.
+    /// Normals at the vertices in the world. `kept` has them once they are known; it is given only where neither vertices
+    /// nor poses are learnt.
     pub(super) fn vertex_normals<'t>(
         &self,
         world: Var<'t, f32>,

@@ -43,6 +43,10 @@ fn image_with(model: &Model, rest: &str, pose: Option<[f32; 6]>) -> Tensor<f32> 
     let parameters = pose.into_iter().fold(parameters, |all, next| all.with(next).unwrap());
     let variables = parameters.record(&tape);
     let values = Values { tape: &tape, learnt: Some(&variables) };
+    // What is kept while nothing is learnt is none of a pose's.
+    for _ in 0..2 {
+        renderer.draw_again(&Values { learnt: None, ..values }, 0, 1, false).unwrap();
+    }
     let image = |drawn| renderer.image(&values, &drawn, 1).unwrap().value();
     let first = image(renderer.draw(&values, 0, 1, false).unwrap());
     // Drawn once more to be kept, and then of what was kept.
