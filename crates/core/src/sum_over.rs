@@ -23,7 +23,7 @@ use crate::op::{Inputs, Kept, Op, Outputs};
 use crate::parallel::{alone, for_each_zipped_mut, join, threads};
 use crate::report::TapeReport;
 use crate::scalar::Scalar;
-use crate::tape::Tape;
+use crate::tape::{Spare, SpareTape, Tape};
 use crate::tensor::Tensor;
 use crate::var::Var;
 
@@ -96,28 +96,6 @@ struct Parts<'a, T: Scalar, E> {
     /// Whether a part shares its work among threads: where there are fewer parts than threads.
     is_shared: bool,
     is_timed: bool,
-}
-
-/// What parts use again.
-#[derive(Debug)]
-pub(crate) struct Spare<T: Scalar> {
-    tapes: Vec<SpareTape<T>>,
-    /// Gradients of parts that were added up.
-    done: Vec<Tensor<T>>,
-}
-
-#[derive(Debug)]
-struct SpareTape<T: Scalar> {
-    tape: Tape<T>,
-    /// How many gradients its last part took with it. It gets no more than these back, so that no tape gathers what
-    /// others lack.
-    taken: usize,
-}
-
-impl<T: Scalar> Default for Spare<T> {
-    fn default() -> Self {
-        Self { tapes: Vec::new(), done: Vec::new() }
-    }
 }
 
 impl<T: Scalar, E: From<TensorError> + Send> Parts<'_, T, E> {

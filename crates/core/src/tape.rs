@@ -14,7 +14,6 @@ use crate::op::Renamed;
 use crate::pool::Pool;
 use crate::report::{Tally, TapeReport};
 use crate::scalar::Scalar;
-use crate::sum_over::Spare;
 use crate::tensor::Tensor;
 use crate::value::Value;
 
@@ -108,6 +107,28 @@ pub(crate) type Results<T> = Vec<(u32, Option<Tensor<T>>)>;
 impl<T: Scalar> Default for Tape<T> {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+/// What the parts of [`Tape::sum_over`] use again.
+#[derive(Debug)]
+pub(crate) struct Spare<T: Scalar> {
+    pub(crate) tapes: Vec<SpareTape<T>>,
+    /// Gradients of parts that were added up.
+    pub(crate) done: Vec<Tensor<T>>,
+}
+
+#[derive(Debug)]
+pub(crate) struct SpareTape<T: Scalar> {
+    pub(crate) tape: Tape<T>,
+    /// How many gradients its last part took with it. It gets no more than these back, so that no tape gathers what
+    /// others lack.
+    pub(crate) taken: usize,
+}
+
+impl<T: Scalar> Default for Spare<T> {
+    fn default() -> Self {
+        Self { tapes: Vec::new(), done: Vec::new() }
     }
 }
 
