@@ -361,7 +361,7 @@ fn a_steady_step_with_a_target_made_aside_allocates_nothing() {
     });
 }
 
-// The gradients of parts go back to where they came from. What their sum is leaves with the step.
+// The memory of parts' gradients is used again. That of their sum leaves with the step.
 #[test]
 fn a_steady_step_of_a_sum_over_parts_allocates_no_more_than_the_gradient_of_the_sum() {
     let (mut tape, entries) = (Tape::<f32>::new(), 1 << 18);

@@ -3,7 +3,8 @@
 //! # Forward
 //! `s = sum_k f_k(x)`, with each `f_k` recorded on a tape of its own. Its backward pass runs at once,
 //! and the part's tape is used for another part. So memory is that of the parts under way and of their
-//! gradients, whatever the number of parts.
+//! gradients, whatever the number of parts. Gradients that were added up wait beside the tapes: the next parts write
+//! theirs there.
 //!
 //! # Backward
 //! `x_bar += s_bar sum_k df_k/dx`: the sum is known from the forward pass.

@@ -111,7 +111,7 @@ impl<T: Scalar> Default for Tape<T> {
 }
 
 /// What the parts of [`Tape::sum_over`] use again.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Spare<T: Scalar> {
     pub(crate) tapes: Vec<SpareTape<T>>,
     /// Gradients of parts that were added up.
@@ -124,12 +124,6 @@ pub(crate) struct SpareTape<T: Scalar> {
     /// How many gradients its last part took with it. It gets no more than these back, so that no tape gathers what
     /// others lack.
     pub(crate) taken: usize,
-}
-
-impl<T: Scalar> Default for Spare<T> {
-    fn default() -> Self {
-        Self { tapes: Vec::new(), done: Vec::new() }
-    }
 }
 
 impl<T: Scalar> Tape<T> {

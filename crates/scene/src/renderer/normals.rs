@@ -149,11 +149,15 @@ impl Normals {
         context: MotionContext<'t, '_>,
         kept: Option<&OnceLock<Tensor<f32>>>,
     ) -> Result<VertexNormals<'t, '_>, FitError> {
+        let known = kept.and_then(OnceLock::get);
         let corners = match &self.vertices {
-            Some(vertices) => world.gather_rows(vertices)?,
-            None => world,
+            // Where normals are known, only tangents follow from them.
+            Some(vertices) if known.is_none() || self.tangents.is_some() => {
+                world.gather_rows(vertices)?
+            }
+            _ => world,
         };
-        let rows = match kept.and_then(OnceLock::get) {
+        let rows = match known {
             Some(rows) => world.tape().constant(rows),
             None => self.rows(corners, context)?,
         };
