@@ -79,13 +79,13 @@ def test_a_mesh_of_another_one_carries_what_stands_at_vertices(generator):
     assert 0.15 < sizes.mean() < 0.25
     same = bokashi.remesh(positions, mesh, 0.2, iterations=0)
     np.testing.assert_array_equal(same.positions, positions)
-    # Where vertices don't move, those that are kept stay.
+    # Where vertices don't move, those that are kept stay. At nearly the lengths of now these are many.
     old = set(map(bytes, positions))
-    counts = [
-        sum(bytes(row) in old for row in bokashi.remesh(positions, mesh, 0.2, **options).positions)
-        for options in ({}, {"keeps_apart": False}, {"moves_vertices": False})
-    ]
-    assert counts[0] == counts[1] == 0 and counts[2] > 10, counts
+    shares = []
+    for options in ({}, {"keeps_apart": False}, {"moves_vertices": False}):
+        rows = bokashi.remesh(positions, mesh, 0.08, **options).positions
+        shares.append(sum(bytes(row) in old for row in rows) / len(rows))
+    assert shares[0] == shares[1] == 0 and shares[2] > 0.3, shares
     few = bokashi.remesh(positions, mesh, 0.05, most_faces=len(mesh))
     assert len(few.mesh) <= len(mesh)
 
