@@ -144,7 +144,7 @@ pub enum FitError {
     /// No gradient can reach a parameter, by the operations that a fit's first step recorded.
     /// [`Parameter::optional`](crate::Parameter::optional) allows it.
     #[error("{parameter:?} needs a way to the loss, got {}", dead_end(*end, *is_detached))]
-    NoWay {
+    NoInfluence {
         /// The name of the parameter.
         parameter: String,
         /// The last operation that depends on the parameter; `None` without one.

@@ -5,7 +5,7 @@ use bokashi_report::{
     ViewerMesh, data_uri, digits, escaped, framed, viewer,
 };
 use bokashi_scene as scene;
-use bokashi_scene::SeenView;
+use bokashi_scene::ViewComparison;
 use pyo3::prelude::*;
 
 use crate::array::Array;
@@ -139,7 +139,11 @@ pub fn learning_page(
 }
 
 /// What a view shows: the result beside the target.
-fn push_view(section: &mut Section, scene: &scene::Scene, seen: &SeenView) -> Result<(), Refusal> {
+fn push_view(
+    section: &mut Section,
+    scene: &scene::Scene,
+    seen: &ViewComparison,
+) -> Result<(), Refusal> {
     let view = &scene.views[seen.score.view];
     let captioned = |what: &str, image| {
         Ok::<_, Refusal>(Captioned {
@@ -164,7 +168,7 @@ pub fn fit_page(words: &str, losses: &[f64], fit: &scene::SceneFit) -> Result<St
     let columns = ["view", "PSNR in dB", "SSIM", "silhouette IoU"].map(|title| (title, ""));
     let (mut table, mut pictures) = (Table::new("", "", &columns), Section::new("views", "", ""));
     for &view in views.iter().take(MOST_VIEWS) {
-        let seen = fit.seen(view)?;
+        let seen = fit.compare(view)?;
         let held_out = if scene.views[view].held_out { ", held out" } else { "" };
         let numbers = [seen.score.psnr, seen.score.ssim, seen.score.silhouette_iou];
         let name = Cell::text(format!("{}{held_out}", scene.views[view].name));

@@ -77,7 +77,7 @@ pub use cameras::{
 };
 pub use error::{Location, SceneError};
 pub use file::{MOST_BYTES, write_result};
-pub use fitting::{SceneFit, SeenView, ViewScore};
+pub use fitting::{SceneFit, ViewComparison, ViewScore};
 pub use folder::Folder;
 pub use gaze::{gaze, share_seen};
 /// Matrices and vectors of cameras and places.

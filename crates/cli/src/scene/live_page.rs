@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bokashi_fit::{Answer, Listener, Stepped};
-use bokashi_scene::{SceneError, SceneFit, SeenView};
+use bokashi_scene::{SceneError, SceneFit, ViewComparison};
 
 use super::pictures::{Pictures, data};
 use super::record::Record;
@@ -38,7 +38,7 @@ impl<'a> LivePage<'a> {
     pub(super) fn show(&self, fit: &SceneFit, ended: Option<Ended>) -> Result<(), SceneError> {
         let views = match ended {
             Some(Ended::Failed(_)) => Vec::new(),
-            _ => seen_views(fit)?,
+            _ => compare_views(fit)?,
         };
         self.live.publish(Snapshot { ended, ..self.snapshot(fit, &views) });
         Ok(())
@@ -49,7 +49,7 @@ impl<'a> LivePage<'a> {
         std::thread::sleep(LAST_LOOK);
     }
 
-    fn snapshot(&self, fit: &SceneFit, seen: &[SeenView]) -> Snapshot {
+    fn snapshot(&self, fit: &SceneFit, seen: &[ViewComparison]) -> Snapshot {
         let (scene, record) = (fit.scene(), self.record.borrow());
         let views = seen.iter().filter_map(|seen| {
             let view = &scene.views[seen.score.view];
@@ -77,12 +77,12 @@ impl<'a> LivePage<'a> {
 }
 
 /// The first views that are held out, and the first others.
-fn seen_views(fit: &SceneFit) -> Result<Vec<SeenView>, SceneError> {
+fn compare_views(fit: &SceneFit) -> Result<Vec<ViewComparison>, SceneError> {
     let scene = fit.scene();
     let held_out: Vec<_> = scene.views_with_image(true).take(LIVE_VIEWS / 2).collect();
     let more = LIVE_VIEWS - held_out.len();
     let all = held_out.into_iter().chain(scene.views_with_image(false).take(more));
-    all.map(|view| fit.seen(view)).collect()
+    all.map(|view| fit.compare(view)).collect()
 }
 
 impl Listener<SceneFit> for LivePage<'_> {

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use bokashi_report::{ReportError, ViewerMesh, ViewerTexture, viewer, viewer_data};
 use bokashi_scene::Tensor;
 use bokashi_scene::{
-    ColorSpace, Geometry, Indexed, Location, Model, Picture, Scene, SceneError, SeenView, Submesh,
-    write_result,
+    ColorSpace, Geometry, Indexed, Location, Model, Picture, Scene, SceneError, Submesh,
+    ViewComparison, write_result,
 };
 use glam::DMat4;
 
@@ -39,7 +39,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub(super) fn from_view(scene: &Scene, seen: &SeenView) -> Result<Self, SceneError> {
+    pub(super) fn from_view(scene: &Scene, seen: &ViewComparison) -> Result<Self, SceneError> {
         let png = |image: &Tensor<f32>| Ok::<_, SceneError>(Arc::from(scene.png_of(image)?));
         let target = seen.target.as_ref();
         let difference = target.map(|target| {

@@ -49,7 +49,7 @@ pub(super) fn check_ways<'t, T: Scalar>(
         // The value, not the raw numbers: its mapping is no operation of the pipeline.
         if let Dependence::None { end, is_detached } = loss.dependence_on(variable.value)? {
             let parameter = parameter.name().to_owned();
-            return Err(FitError::NoWay { parameter, end, is_detached });
+            return Err(FitError::NoInfluence { parameter, end, is_detached });
         }
     }
     Ok(())

@@ -151,7 +151,7 @@ impl<T: Scalar> Fit<T> {
     /// - Those of the pipeline.
     /// - [`FitError::NotFinite`] where the loss or a gradient is infinite or NaN. If the value of a parameter is
     ///   so, the error names it.
-    /// - [`FitError::NoWay`] in the first step, where the loss does not depend on a parameter that is neither
+    /// - [`FitError::NoInfluence`] in the first step, where the loss does not depend on a parameter that is neither
     ///   frozen nor optional.
     ///
     /// Parameters and moments are then as they were.

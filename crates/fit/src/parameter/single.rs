@@ -114,7 +114,7 @@ impl<T: Scalar> Parameter<T> {
     }
 
     /// The parameter as an optional one: the loss of the first step need not depend on it. Otherwise a fit refuses a
-    /// parameter without influence ([`FitError::NoWay`](crate::FitError::NoWay)).
+    /// parameter without influence ([`FitError::NoInfluence`](crate::FitError::NoInfluence)).
     #[must_use]
     pub fn optional(self) -> Self {
         Self { is_optional: true, ..self }

@@ -14,4 +14,4 @@ mod texturing;
 mod transitions;
 
 pub use self::fit::SceneFit;
-pub use self::scores::{SeenView, ViewScore};
+pub use self::scores::{ViewComparison, ViewScore};

@@ -48,7 +48,7 @@ impl ViewScore {
 
 /// A picture of a view, and its scores.
 #[derive(Debug, Clone)]
-pub struct SeenView {
+pub struct ViewComparison {
     /// The scores.
     pub score: ViewScore,
     /// The picture, `[H, W, 3]`, in the colour space of images.
@@ -63,7 +63,7 @@ impl SceneFit {
     /// # Errors
     /// Those of the operations and of the image.
     pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
-        Ok(self.seen(view)?.score)
+        Ok(self.compare(view)?.score)
     }
 
     /// The scores of some views. All ranks make this call: each draws some of the views, and all return all scores.
@@ -81,13 +81,13 @@ impl SceneFit {
     pub fn scores_with(
         &self,
         views: &[usize],
-        mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
+        mut each: impl FnMut(&ViewComparison) -> Result<(), SceneError>,
     ) -> Result<Vec<ViewScore>, SceneError> {
         let range = block(views.len(), self.ranks.rank(), self.ranks.size());
         let score = |&view: &usize| {
-            let seen = self.seen(view)?;
-            each(&seen)?;
-            Ok(seen.score)
+            let compared = self.compare(view)?;
+            each(&compared)?;
+            Ok(compared.score)
         };
         let scores: Result<Vec<_>, SceneError> = views[range].iter().map(score).collect();
         let bytes =
@@ -97,18 +97,19 @@ impl SceneFit {
         Ok(pairs.map(|(&view, bytes)| ViewScore::from_bytes(view, bytes)).collect())
     }
 
-    /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
+    /// Draws a view and compares it with its image: [`SceneFit::score`], with both pictures. They have 24 bytes for each
+    /// pixel.
     ///
     /// # Errors
     /// As [`SceneFit::score`].
-    pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
+    pub fn compare(&self, view: usize) -> Result<ViewComparison, SceneError> {
         let all = self.drawn(view, 1)?;
         let image = colors(&all);
         let psnr_before = self.aligned.as_ref().and_then(|aligned| aligned.psnr_before(view));
         let mut score =
             ViewScore { view, psnr: None, ssim: None, silhouette_iou: None, psnr_before };
         if self.scene().views[view].image.is_none() {
-            return Ok(SeenView { score, image, target: None });
+            return Ok(ViewComparison { score, image, target: None });
         }
         let target = self.target(view, 1)?;
         score.psnr = Some(psnr(&image, &target, 1.0).map_err(FitError::from)?);
@@ -121,7 +122,7 @@ impl SceneFit {
             let expected = Mask::from_flat_fn(&shape, |k| target_mask[k] > 0.5);
             score.silhouette_iou = Some(iou(&covered, &expected).map_err(FitError::from)?);
         }
-        Ok(SeenView { score, image, target: Some(target) })
+        Ok(ViewComparison { score, image, target: Some(target) })
     }
 
     /// A picture of a view, `reduce` times smaller along each axis: `[H, W, 3]`, in the colour space of images.

@@ -94,7 +94,7 @@ pub(crate) fn check_interruptions(
         let again = SceneFit::resume(scene, &saved).unwrap();
         assert_eq!(again.changed(), [""; 0]);
         assert!(bits(&again) == bits(&fit));
-        let [seen, expected] = [&again, &fit].map(|fit| fit.seen(0).unwrap().image);
+        let [seen, expected] = [&again, &fit].map(|fit| fit.compare(0).unwrap().image);
         assert!(seen.data() == expected.data());
         assert!(end(again) == whole, "interrupted after {} steps", fit.steps_done());
         if fit.step().unwrap().is_none() {

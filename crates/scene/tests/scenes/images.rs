@@ -29,7 +29,7 @@ fn images_with_opacity_stand_before_the_background() {
         light[4 * pixel + channel] + (1.0 - light[4 * pixel + 3]) * [0.5, 0.25, 1.0][channel]
     });
     for view in 0..2 {
-        let target = fit.seen(view).unwrap().target.unwrap();
+        let target = fit.compare(view).unwrap().target.unwrap();
         assert!(furthest(&target, &expected) < 1e-5, "{view}");
     }
 }

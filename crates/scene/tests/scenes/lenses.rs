@@ -70,9 +70,9 @@ fn every_kind_of_lens_is_learnt_and_drawn_again() {
         assert_eq!(scene.notes.len(), 1, "{:?}", scene.notes);
         assert!(scene.notes[0].contains("`learn.distortion` learns one lens for all views"));
         let mut fit = SceneFit::new(scene).unwrap();
-        let first = fit.seen(0).unwrap().image;
+        let first = fit.compare(0).unwrap().image;
         while fit.step().unwrap().is_some() {}
-        let last = fit.seen(0).unwrap().image;
+        let last = fit.compare(0).unwrap().image;
         let learnt = fit.learnt().unwrap();
         let coefficients = learnt.views[1].camera.distortion;
         assert!(

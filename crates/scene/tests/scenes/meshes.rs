@@ -59,9 +59,9 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
              [learn.vertices]\n[stop]\nsteps = 3\n"
         );
         let mut fit = SceneFit::new(load(folder, &text)).unwrap();
-        let mut images = vec![fit.seen(0).unwrap().image];
+        let mut images = vec![fit.compare(0).unwrap().image];
         while fit.step().unwrap().is_some() {}
-        images.push(fit.seen(0).unwrap().image);
+        images.push(fit.compare(0).unwrap().image);
         let out = folder.join("out").join(file);
         fit.learnt().unwrap().save_results(&out).unwrap();
         let notes = fit.scene().notes.clone();
@@ -323,9 +323,9 @@ fn a_scene_far_from_the_origin_is_drawn_and_learnt_as_one_at_the_origin() {
             ),
         ))
         .unwrap();
-        let mut images = vec![fit.seen(0).unwrap().image];
+        let mut images = vec![fit.compare(0).unwrap().image];
         while fit.step().unwrap().is_some() {}
-        images.push(fit.seen(0).unwrap().image);
+        images.push(fit.compare(0).unwrap().image);
         // Put back, it is the same scene once more.
         let again = SceneFit::new(fit.learnt().unwrap()).unwrap();
         images.push(again.seen(0).unwrap().image);

@@ -52,9 +52,9 @@ steps = 6
     for key in keys {
         let scene = load(folder.path(), &format!("{head}[learn.{key}]\nrate = 0.1\n"));
         let mut fit = SceneFit::new(scene).unwrap();
-        let first = fit.seen(0).unwrap().image;
+        let first = fit.compare(0).unwrap().image;
         while fit.step().unwrap().is_some() {}
-        let last = fit.seen(0).unwrap().image;
+        let last = fit.compare(0).unwrap().image;
         let again = SceneFit::new(fit.learnt().unwrap()).unwrap().seen(0).unwrap().image;
         let [moved, off] = [furthest(&first, &last), furthest(&again, &last)];
         println!("{key}: moved {moved}, off {off}");
