@@ -76,17 +76,21 @@ impl Pipeline<f32> for StagePipeline {
         tape: &'t Tape<f32>,
         variables: &Variables<'t, f32>,
     ) -> Result<Var<'t, f32>, FitError> {
-        let drawing = Arc::clone(&self.drawing.read().unwrap_or_else(PoisonError::into_inner));
-        let mut loss = match drawing.on_surfaces(&Values { tape, learnt: Some(variables) })? {
-            None => self.views.loss(tape, variables)?,
-            Some(OnSurfaces { renderer, variables }) => {
-                if let Some(renderer) = renderer {
-                    let mut drawing = self.drawing.write().unwrap_or_else(PoisonError::into_inner);
-                    *drawing = Arc::new(renderer);
-                }
-                self.views.loss(tape, &variables)?
+        let current =
+            |drawing: &Drawing| Arc::clone(&drawing.read().unwrap_or_else(PoisonError::into_inner));
+        let with = |learnt| Values { tape, learnt: Some(learnt) };
+        let mut on_surfaces = None;
+        if let Some(surfaces) = current(&self.drawing).on_surfaces(&with(variables))? {
+            let OnSurfaces { renderer, variables } = surfaces;
+            if let Some(renderer) = renderer {
+                let mut drawing = self.drawing.write().unwrap_or_else(PoisonError::into_inner);
+                *drawing = Arc::new(renderer);
             }
-        };
+            on_surfaces = Some(variables);
+        }
+        let of_views = on_surfaces.as_ref().unwrap_or(variables);
+        let shared = current(&self.drawing).share_values(&with(of_views))?;
+        let mut loss = self.views.loss(tape, shared.as_ref().unwrap_or(of_views))?;
         for regularizer in self.regularizers.iter() {
             loss = loss.try_add(regularizer.loss(variables)?)?;
         }

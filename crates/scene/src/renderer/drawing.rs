@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor, Var};
-use bokashi_fit::FitError;
+use bokashi_fit::{FitError, Variables};
 use bokashi_render_ops::{
     Background, Blur, Cull, Fragments, Kernel, LensPicture, Picture, RasterOptions, RenderError,
     Silhouettes, Size, Surface, depth_layers, exposure, gaussian_blur, interpolate, rasterize,
@@ -244,6 +244,18 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         let cache = self.is_frozen(values).then_some(&self.cache);
         self.draw_request(values, Request { view, reduce, with_mask, with_lens: true, cache })
+    }
+
+    /// The variables of a step with what all of its views share in the place of what that follows from: levels of
+    /// textures. `None` where they stay as they are.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub(crate) fn share_values<'t>(
+        &self,
+        values: &Values<'t, '_>,
+    ) -> Result<Option<Variables<'t, f32>>, FitError> {
+        self.materials.share_levels(&self.scene.objects, values)
     }
 
     fn draw_request<'t>(

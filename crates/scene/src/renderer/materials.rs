@@ -3,18 +3,18 @@
 use std::sync::Arc;
 
 use bokashi_core::{Tensor, TensorError, Var};
-use bokashi_fit::FitError;
+use bokashi_fit::{FitError, Variables};
 use bokashi_render_ops::{
-    Detail, Fragments, Mesh, Sampler, Texture, TextureFilter, differentials,
+    Detail, Fragments, Mesh, Sampler, TextureFilter, differentials,
     interpolate_differentials_indexed, interpolate_indexed, sample_texture,
 };
 
+use super::maps::{KeptMaps, MapKind, MaterialMap};
 use super::parts::Parts;
 use crate::description::FilterName;
 use crate::error::SceneError;
 use crate::learnables::{COLORS, Learnable, METALLIC, ROUGHNESS, Recorded, TEXTURE, Values};
-use crate::model::Borders;
-use crate::object::{Attribute, Object, SurfaceMap, SurfaceMaterial};
+use crate::object::{Attribute, Object, SurfaceMaterial};
 
 /// Numbers of materials at the fragments of a view.
 pub(super) struct MaterialSamples<'t> {
@@ -42,6 +42,8 @@ pub(super) struct MaterialSampler {
     colors: Option<Mesh>,
     coordinates: Option<Mesh>,
     filter: FilterName,
+    /// By material.
+    kept: Vec<KeptMaps>,
 }
 
 /// Attributes of all parts, and which of them the corners of each face have.
@@ -81,7 +83,32 @@ impl MaterialSampler {
             colors: parts.indices(objects, |object| object.colors.as_ref())?,
             coordinates: parts.indices(objects, Object::coordinates_of_maps)?,
             filter,
+            kept: materials(objects).map(|_| KeptMaps::default()).collect(),
         })
+    }
+
+    /// Whether coarser levels of maps are looked up.
+    fn has_levels(&self) -> bool {
+        matches!(self.filter, FilterName::Trilinear | FilterName::Anisotropic)
+    }
+
+    /// The variables of a step with all levels of maps in the place of the texels that are learnt, for all of its views;
+    /// `None` where they stay as they are.
+    pub(super) fn share_levels<'t>(
+        &self,
+        objects: &[Object],
+        values: &Values<'t, '_>,
+    ) -> Result<Option<Variables<'t, f32>>, FitError> {
+        let Some(learnt) = values.learnt else { return Ok(None) };
+        let mut all = None;
+        for (object, material) in materials(objects) {
+            let name = object.material_name(material);
+            for map in MaterialMap::all(&name, material, self.has_levels()) {
+                let shared = map.share_levels(all.as_ref().unwrap_or(learnt), values)?;
+                all = shared.or(all);
+            }
+        }
+        Ok(all)
     }
 
     /// What materials are sampled by, at the vertices.
@@ -126,18 +153,18 @@ impl MaterialSampler {
     ) -> Result<MaterialSamples<'t>, FitError> {
         let all = self.fragment_attributes(attributes, fragments)?;
         let groups = Groups::new(parts, objects, fragments);
-        let materials =
-            || objects.iter().flat_map(|object| object.materials.iter().map(move |k| (object, k)));
         let has_map = |(_, material): (_, &SurfaceMaterial)| material.normal_map.texels.is_some();
-        let with_maps = wanted.normals && materials().any(has_map);
+        let with_maps = wanted.normals && materials(objects).any(has_map);
         let wanted = Wanted { normals: with_maps, ..wanted };
-        let samples = materials().zip(&groups.rows).filter_map(|((object, material), rows)| {
+        let of_materials = materials(objects).zip(&groups.rows).zip(&self.kept);
+        let samples = of_materials.filter_map(|(((object, material), rows), kept)| {
             let is_seen = rows.as_ref().is_none_or(|rows| !rows.is_empty());
             is_seen.then(|| {
                 let attributes = all.for_material(object, material, rows.as_ref())?;
                 let name = object.material_name(material);
+                let sampler = self;
                 let material =
-                    SampledMaterial { name, material, values, attributes, filter: self.filter };
+                    SampledMaterial { name, material, values, attributes, sampler, kept };
                 material.sample(wanted)
             })
         });
@@ -179,8 +206,7 @@ impl MaterialSampler {
         let interpolated = |attribute: Indexed<'t, '_>| {
             interpolate_indexed(attribute.rows, attribute.indices, fragments)
         };
-        let has_slopes = matches!(self.filter, FilterName::Trilinear | FilterName::Anisotropic);
-        let slopes = coordinates.filter(|_| has_slopes).map(|Indexed { rows, indices }| {
+        let slopes = coordinates.filter(|_| self.has_levels()).map(|Indexed { rows, indices }| {
             let slopes = differentials(fragments)?;
             interpolate_differentials_indexed(rows, indices, fragments, slopes)
         });
@@ -226,38 +252,33 @@ struct SampledMaterial<'t, 'a> {
     material: &'a SurfaceMaterial,
     values: &'a Values<'t, 'a>,
     attributes: FragmentAttributes<'t>,
-    filter: FilterName,
+    sampler: &'a MaterialSampler,
+    kept: &'a KeptMaps,
+}
+
+/// The materials of objects, with these.
+fn materials(objects: &[Object]) -> impl Iterator<Item = (&Object, &SurfaceMaterial)> {
+    objects.iter().flat_map(|object| object.materials.iter().map(move |of_it| (object, of_it)))
 }
 
 impl<'t> SampledMaterial<'t, '_> {
     fn sample(&self, wanted: Wanted) -> Result<MaterialSamples<'t>, FitError> {
-        let number = |row, channel, fixed| match wanted.reflection {
-            true => self.number(row, channel, fixed),
+        let number = |row, kind, fixed| match wanted.reflection {
+            true => self.number(row, kind, fixed),
             false => Ok(self.values.tape.constant_scalar(0.0)),
         };
         let material = self.material;
         Ok(MaterialSamples {
             base_color: self.base_color()?,
-            roughness: number(&ROUGHNESS, 0, material.roughness)?,
-            metallic: number(&METALLIC, 1, material.metallic)?,
+            roughness: number(&ROUGHNESS, MapKind::Roughness, material.roughness)?,
+            metallic: number(&METALLIC, MapKind::Metallic, material.metallic)?,
             normals: wanted.normals.then(|| self.normals()).transpose()?,
         })
     }
 
     fn base_color(&self) -> Recorded<'t> {
-        let SurfaceMaterial { texture, base_color, .. } = self.material;
-        let SurfaceMap { texels, borders, gutters, .. } = texture;
-        let texels = texels.as_ref().map(|fixed| {
-            let texels = self.values.tensor(&TEXTURE, &self.name, fixed);
-            let is_learnt = self.values.learnt(&TEXTURE, &self.name).is_some();
-            match gutters.as_ref().filter(|_| is_learnt) {
-                Some(gutters) => gutters.filled(texels),
-                None => Ok(texels),
-            }
-        });
-        let coarsest = gutters.as_ref().map(|gutters| gutters.levels);
-        let texture = self.sample_map(texels.transpose()?, *borders, coarsest)?;
-        let color = || self.values.triple(&TEXTURE, &self.name, *base_color);
+        let texture = self.sample_map(MapKind::BaseColor)?;
+        let color = || self.values.triple(&TEXTURE, &self.name, self.material.base_color);
         Ok(match (texture, self.attributes.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
             (Some(texture), None) => texture,
@@ -267,11 +288,9 @@ impl<'t> SampledMaterial<'t, '_> {
     }
 
     /// Roughness or metallic: a channel of their map, or a number.
-    fn number(&self, row: &Learnable, channel: usize, fixed: f32) -> Recorded<'t> {
-        let map = self.material.roughness_metallic_map(channel);
-        let texels = map.map(|fixed| self.values.tensor(row, &self.name, &fixed));
+    fn number(&self, row: &Learnable, kind: MapKind, fixed: f32) -> Recorded<'t> {
         let count = self.attributes.count;
-        Ok(match self.sample_map(texels, self.material.roughness_metallic.borders, None)? {
+        Ok(match self.sample_map(kind)? {
             Some(samples) => samples.reshape([count])?,
             None => {
                 let number = self.values.number(row, &self.name, fixed.into());
@@ -283,41 +302,33 @@ impl<'t> SampledMaterial<'t, '_> {
     /// Vectors of the normal map; straight up without one.
     fn normals(&self) -> Recorded<'t> {
         let up = Tensor::from_flat_fn([1, 3], |k| [0.0, 0.0, 1.0][k]);
-        let SurfaceMap { texels, borders, .. } = &self.material.normal_map;
-        let texels = texels.as_ref().map(|fixed| self.values.tape.constant(fixed));
-        Ok(match self.sample_map(texels, *borders, None)? {
+        Ok(match self.sample_map(MapKind::Normal)? {
             Some(samples) => samples,
             None => self.ones().try_mul(self.values.tape.constant(&up))?,
         })
     }
 
-    /// The texels of a map, `[H, W, C]`, at the fragments, `[N, C]`; `None` without a map or coordinates. No level of
-    /// detail beyond the `coarsest` is used.
-    fn sample_map(
-        &self,
-        texels: Option<Var<'t, f32>>,
-        borders: Borders,
-        coarsest: Option<usize>,
-    ) -> Result<Option<Var<'t, f32>>, FitError> {
-        let (Some(texels), Some(coordinates)) = (texels, self.attributes.coordinates) else {
-            return Ok(None);
+    /// A map at the fragments, `[N, C]`; `None` without a map or coordinates.
+    fn sample_map(&self, kind: MapKind) -> Result<Option<Var<'t, f32>>, FitError> {
+        let Some(coordinates) = self.attributes.coordinates else { return Ok(None) };
+        let Self { name, material, sampler, .. } = self;
+        let map = MaterialMap { name, material, kind, has_levels: sampler.has_levels() };
+        let Some(texture) = map.texture(self.values, self.kept)? else { return Ok(None) };
+        let detail = match self.attributes.slopes {
+            Some(differentials) => Detail::Differentials { differentials, bias: None },
+            None => Detail::Finest,
         };
-        let (texture, detail) = match self.attributes.slopes {
-            Some(differentials) => {
-                let detail = Detail::Differentials { differentials, bias: None };
-                (Texture::with_mipmaps_to(texels, coarsest.unwrap_or(usize::MAX))?, detail)
-            }
-            None => (Texture::new(texels)?, Detail::Finest),
-        };
-        let filter = match self.filter {
+        let filter = match sampler.filter {
             FilterName::Nearest => TextureFilter::Nearest,
             FilterName::Bilinear => TextureFilter::Bilinear,
             FilterName::Trilinear => TextureFilter::Trilinear,
             // Probes would reach beyond the gutters of its charts.
-            FilterName::Anisotropic if coarsest.is_some() => TextureFilter::Trilinear,
+            FilterName::Anisotropic if map.surface_map().gutters.is_some() => {
+                TextureFilter::Trilinear
+            }
             FilterName::Anisotropic => TextureFilter::Anisotropic { probes: 8 },
         };
-        let sampler = Sampler::new().filter(filter).borders(borders);
+        let sampler = Sampler::new().filter(filter).borders(map.surface_map().borders);
         Ok(Some(sample_texture(&texture, coordinates, detail, sampler)?))
     }
 

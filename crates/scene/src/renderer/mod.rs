@@ -8,6 +8,7 @@ mod fields;
 mod fragment_cache;
 mod lens;
 mod lighting;
+mod maps;
 mod margin;
 mod materials;
 mod normals;

@@ -1,4 +1,5 @@
 mod lens;
+mod maps;
 
 use std::fs;
 use std::sync::Arc;
