@@ -112,6 +112,9 @@ impl<'a> MaterialMap<'a> {
         values: &Values<'t, '_>,
         kept: &KeptMaps,
     ) -> Result<Option<Texture<'t, f32>>, RenderError> {
+        if self.surface_map().texels.is_none() {
+            return Ok(None);
+        }
         let level = |level: usize| values.learnt?.get(&self.level_name(level)?).ok();
         let levels: Vec<_> = (0..).map_while(level).collect();
         if !levels.is_empty() {

@@ -46,7 +46,7 @@ fn a_mask_of_its_own_goes_before_the_opacity_of_the_image() {
     let text = "[[meshes]]\nshape = \"sphere\"\nmaterial = { base_color = [1, 1, 1] }\n\
         [[views]]\nimage = \"a.png\"\nmask = \"m.png\"\ncamera = { position = [0, 0, 6], angle = 40 }\n\
         [pipeline]\ntone = \"linear\"\n[learn.texture]\n";
-    let seen = SceneFit::new(load(folder.path(), text)).unwrap().seen(0).unwrap();
+    let seen = SceneFit::new(load(folder.path(), text)).unwrap().compare(0).unwrap();
     // The mask is everywhere: of it the ball covers its share.
     let covered = seen.image.data().iter().step_by(3).filter(|&&red| red > 0.5).count();
     assert!(covered > 50 && covered < width * height / 2, "{covered}");

@@ -79,7 +79,7 @@ fn every_kind_of_lens_is_learnt_and_drawn_again() {
             coefficients.coefficients().iter().all(|&coefficient| coefficient != 0.0),
             "{coefficients:?}"
         );
-        let again = SceneFit::new(learnt).unwrap().seen(0).unwrap().image;
+        let again = SceneFit::new(learnt).unwrap().compare(0).unwrap().image;
         let [moved, off] = [furthest(&first, &last), furthest(&again, &last)];
         assert!(moved > 5e-3 && off < 1e-4, "{lens}: moved {moved}, off {off}");
     }

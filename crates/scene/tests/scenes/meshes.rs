@@ -328,7 +328,7 @@ fn a_scene_far_from_the_origin_is_drawn_and_learnt_as_one_at_the_origin() {
         images.push(fit.compare(0).unwrap().image);
         // Put back, it is the same scene once more.
         let again = SceneFit::new(fit.learnt().unwrap()).unwrap();
-        images.push(again.seen(0).unwrap().image);
+        images.push(again.compare(0).unwrap().image);
         (images, value(&fit, "vertices/ball"))
     };
     let (near, far) = (fitted("near.obj", DVec3::ZERO), fitted("far.obj", offset));

@@ -55,7 +55,7 @@ steps = 6
         let first = fit.compare(0).unwrap().image;
         while fit.step().unwrap().is_some() {}
         let last = fit.compare(0).unwrap().image;
-        let again = SceneFit::new(fit.learnt().unwrap()).unwrap().seen(0).unwrap().image;
+        let again = SceneFit::new(fit.learnt().unwrap()).unwrap().compare(0).unwrap().image;
         let [moved, off] = [furthest(&first, &last), furthest(&again, &last)];
         println!("{key}: moved {moved}, off {off}");
         assert!(moved > 5e-3 && off < 1e-4, "{key}: moved {moved}, off {off}");
