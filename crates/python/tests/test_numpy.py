@@ -337,9 +337,10 @@ def test_meshes_coverage_and_fragments_can_be_copied_and_pickled(generator):
             bokashi.Coverage.from_ids(mesh, ids, orientations=wrong)
 
 
-def test_the_import_waits_for_numpy():
+def test_the_import_waits_for_numpy_and_typing():
     program = (
-        "import sys, bokashi; before = {'numpy', 'dataclasses', 'inspect'} & set(sys.modules); print(before);"
+        "import sys, bokashi; slow = {'numpy', 'dataclasses', 'inspect', 'typing', 'collections', 're', 'enum'};"
+        "print(slow & set(sys.modules));"
         "assert 'Scene' in dir(bokashi) and not hasattr(bokashi, 'nothing');"
         "bokashi.Picture; assert 'numpy' in sys.modules; from bokashi import *; fit, Slope"
     )
