@@ -57,8 +57,8 @@ const AT_ONCE: usize = 8;
 #[cfg(feature = "parallel")]
 const TAKES_PER_THREAD: usize = 4;
 
-/// Lets the threads take some of `items` after others, `count` in all, and work on them. By references, so that
-/// rayon is compiled once per type of item and not for every operation.
+/// Lets the threads take some of `items` after others, `count` in all, and work on them. By references, so that it is
+/// compiled once per type of item and not for every operation.
 #[cfg(feature = "parallel")]
 fn share<I: Send>(
     count: usize,
@@ -66,10 +66,6 @@ fn share<I: Send>(
     work: &(dyn Fn(&mut dyn Iterator<Item = I>) + Sync),
 ) {
     let threads = threads().min(count);
-    let pool = pool();
-    if let Pool::None = pool {
-        return work(items);
-    }
     let items = Mutex::new((items, count));
     let take = || {
         let (items, left) = &mut *lock(&items);
@@ -77,7 +73,7 @@ fn share<I: Send>(
         *left = left.saturating_sub(some);
         items.take(some).collect::<SmallVec<[I; AT_ONCE]>>()
     };
-    let work = |_| {
+    on_each(threads, &|| {
         loop {
             let some = take();
             if some.is_empty() {
@@ -85,12 +81,18 @@ fn share<I: Send>(
             }
             work(&mut some.into_iter());
         }
-    };
-    let share = || (0..threads).into_par_iter().with_max_len(1).for_each(work);
-    match pool {
-        Pool::Rayons => share(),
-        Pool::Own(pool) => pool.install(share),
-        Pool::None => unreachable!("it was looked at first"),
+    });
+}
+
+/// Calls `work` on each of some threads; where there are none to be had, on this one. Nothing in it is generic: what
+/// rayon makes of it is compiled once.
+#[cfg(feature = "parallel")]
+fn on_each(threads: usize, work: &(dyn Fn() + Sync)) {
+    let all = || (0..threads).into_par_iter().with_max_len(1).for_each(|_| work());
+    match pool() {
+        Pool::Rayons => all(),
+        Pool::Own(pool) => pool.install(all),
+        Pool::None => work(),
     }
 }
 
@@ -271,15 +273,48 @@ pub fn join<A: Send, B: Send>(
 ) -> (A, B) {
     #[cfg(feature = "parallel")]
     if is_shared && threads() > 1 {
-        return match pool() {
-            Pool::Rayons => rayon::join(first, second),
-            Pool::Own(pool) => pool.install(|| rayon::join(first, second)),
-            Pool::None => (first(), second()),
-        };
+        let (mut one, mut other) = (Call::Later(first), Call::Later(second));
+        both(&mut || one.run(), &mut || other.run());
+        return (one.result(), other.result());
     }
     #[cfg(not(feature = "parallel"))]
     let _ = is_shared;
     (first(), second())
+}
+
+/// A function that is called once, and then what it returned.
+#[cfg(feature = "parallel")]
+enum Call<F, R> {
+    Later(F),
+    Running,
+    Done(R),
+}
+
+#[cfg(feature = "parallel")]
+impl<F: FnOnce() -> R, R> Call<F, R> {
+    fn run(&mut self) {
+        if let Self::Later(work) = std::mem::replace(self, Self::Running) {
+            *self = Self::Done(work());
+        }
+    }
+
+    fn result(self) -> R {
+        let Self::Done(result) = self else { unreachable!("it was called") };
+        result
+    }
+}
+
+/// Runs both, at the same time where threads are to be had. As [`on_each`], without anything generic.
+#[cfg(feature = "parallel")]
+fn both(first: &mut (dyn FnMut() + Send), second: &mut (dyn FnMut() + Send)) {
+    match pool() {
+        Pool::Rayons => _ = rayon::join(first, second),
+        Pool::Own(pool) => _ = pool.install(|| rayon::join(first, second)),
+        Pool::None => {
+            first();
+            second();
+        }
+    }
 }
 
 thread_local! {
@@ -312,7 +347,10 @@ pub fn with_threads<R: Send>(count: usize, work: impl FnOnce() -> R + Send) -> R
         && !IS_ALONE.get()
         && let Some(pool) = pool_of(count.min(MOST_THREADS))
     {
-        return pool.install(work);
+        let mut call = Call::Later(work);
+        let run: &mut (dyn FnMut() + Send) = &mut || call.run();
+        pool.install(run);
+        return call.result();
     }
     let _ = count;
     alone(work)

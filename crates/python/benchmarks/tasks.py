@@ -102,7 +102,7 @@ def cube(steps, size=16, seed=0):
     colors = torch.from_numpy(start_colors).requires_grad_()
     optimizer = torch.optim.Adam([positions, colors], lr=1e-2)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: rate_after(step, steps))
-    context, clock = dr.RasterizeCudaContext(), Clock()
+    context, clock, lens = dr.RasterizeCudaContext(), Clock(), view(6)
 
     def image(positions, colors, matrix):
         clip = to_clip(positions, matrix)
@@ -111,7 +111,7 @@ def cube(steps, size=16, seed=0):
         return dr.antialias(seen, rast, clip, tri)
 
     def step():
-        matrix = view(6) @ rotation(generator.normal(size=4))
+        matrix = lens @ rotation(generator.normal(size=4))
         with torch.no_grad():
             target = image(truth, colors_true, matrix)
         loss = (image(positions, colors, matrix) - target).square().mean()
@@ -130,11 +130,11 @@ def cube_numpy(steps, size=16, seed=0):
     for silhouettes in ("antialias", "exact"):
         generator = np.random.default_rng(seed)
         true_colors, start, start_colors = cube_start(generator)
-        mesh, one = bokashi.Mesh(FACES, 8), np.ones((), np.float32)
+        mesh, one, lens = bokashi.Mesh(FACES, 8), np.ones((), np.float32), view(6)
         scale = 1 / (3 * size * size)
 
         def pipeline(parameters):
-            camera = (view(6) @ rotation(generator.normal(size=4))).astype(np.float32)
+            camera = (lens @ rotation(generator.normal(size=4))).astype(np.float32)
             given = {"camera": camera, "silhouettes": silhouettes}
             target, _ = bokashi.render(CORNERS, mesh, true_colors, size, **given)
             loss, pull_back = bokashi.render(

@@ -44,11 +44,13 @@ fn to_array<'py, T: Number>(
 }
 
 impl Coverage {
-    /// Rows `[N, ..]` of fragments at pixel centres on the pixels of an image of zeros, or back.
+    /// Rows `[N, ..]` of fragments at pixel centres on the pixels of an image of zeros. Rows of other than `columns`
+    /// entries have zeros after them.
     fn scattered<'py, T: Number>(
         &self,
         py: Python<'py>,
         values: &Array<'py>,
+        columns: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (shape, values) = values.view::<T>()?;
         let (&[count, ref rest @ ..], Size { height, width }) = (shape, self.0.size()) else {
@@ -60,18 +62,30 @@ impl Coverage {
                 "scatter needs {expected} rows, got {count}"
             )));
         }
-        let columns = rest.iter().product();
-        let shape: SmallVec<[usize; 4]> =
-            [height, width].into_iter().chain(rest.iter().copied()).collect();
+        let own = rest.iter().product();
+        let Some(columns) = columns else {
+            let shape: SmallVec<[usize; 4]> =
+                [height, width].into_iter().chain(rest.iter().copied()).collect();
+            let mut image = vec![T::ZERO; height * width * own];
+            self.0.scatter(&values, own, &mut image);
+            return to_array(py, &shape, image);
+        };
+        check_columns("scatter", own, columns, own <= columns)?;
         let mut image = vec![T::ZERO; height * width * columns];
-        self.0.scatter(&values, columns, &mut image);
-        to_array(py, &shape, image)
+        for run in self.0.runs() {
+            let pixels = &mut image[columns * run.pixels.start..columns * run.pixels.end];
+            let rows = &values[own * run.fragments.start..own * run.fragments.end];
+            copy_columns(rows, own, pixels, columns);
+        }
+        to_array(py, &[height, width, columns], image)
     }
 
+    /// Rows of fragments at pixel centres from an image: all of their entries, or the first `columns`.
     fn gathered<'py, T: Number>(
         &self,
         py: Python<'py>,
         image: &Array<'py>,
+        columns: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (shape, image) = image.view::<T>()?;
         let Size { height, width } = self.0.size();
@@ -84,12 +98,54 @@ impl Coverage {
                 return Err(PyValueError::new_err(message));
             }
         };
-        let columns = rest.iter().product();
-        let shape: SmallVec<[usize; 4]> =
-            std::iter::once(self.0.count()).chain(rest.iter().copied()).collect();
+        let all = rest.iter().product();
+        let Some(columns) = columns else {
+            let shape: SmallVec<[usize; 4]> =
+                std::iter::once(self.0.count()).chain(rest.iter().copied()).collect();
+            let mut values = vec![T::ZERO; self.0.count() * all];
+            self.0.gather(&image, all, &mut values);
+            return to_array(py, &shape, values);
+        };
+        check_columns("gather", all, columns, columns <= all)?;
         let mut values = vec![T::ZERO; self.0.count() * columns];
-        self.0.gather(&image, columns, &mut values);
-        to_array(py, &shape, values)
+        for run in self.0.runs() {
+            let pixels = &image[all * run.pixels.start..all * run.pixels.end];
+            let rows = &mut values[columns * run.fragments.start..columns * run.fragments.end];
+            copy_columns(pixels, all, rows, columns);
+        }
+        to_array(py, &[self.0.count(), columns], values)
+    }
+}
+
+/// Refuses `columns` unless they `fit` to rows of `own` entries.
+fn check_columns(name: &str, own: usize, columns: usize, fit: bool) -> PyResult<()> {
+    if fit && own > 0 && columns > 0 {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{name} has no {columns} columns of rows of {own} entries")))
+}
+
+/// Copies the first entries of rows of `from` entries to those of rows of `to` entries: as many as both have.
+fn copy_columns<T: Copy>(rows: &[T], from: usize, others: &mut [T], to: usize) {
+    // Two of four are u and v of a dense image: loops whose lengths are known.
+    match (from, to) {
+        (2, 4) => {
+            let others = others.as_chunks_mut::<4>().0;
+            for ([u, v, ..], &row) in others.iter_mut().zip(rows.as_chunks::<2>().0) {
+                [*u, *v] = row;
+            }
+        }
+        (4, 2) => {
+            let others = others.as_chunks_mut::<2>().0;
+            for (other, &[u, v, ..]) in others.iter_mut().zip(rows.as_chunks::<4>().0) {
+                *other = [u, v];
+            }
+        }
+        _ => {
+            for (other, row) in others.chunks_exact_mut(to).zip(rows.chunks_exact(from)) {
+                other.iter_mut().zip(row).for_each(|(other, &entry)| *other = entry);
+            }
+        }
     }
 }
 
@@ -237,14 +293,28 @@ impl Coverage {
         PyArray1::from_vec(py, self.0.triangle_ids()).reshape([height, width])
     }
 
-    /// An image `[H, W, ..]` with the rows `[N, ..]` of fragments at pixel centres, and zeros.
-    fn scatter<'py>(&self, py: Python<'py>, values: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
-        by_type!(&[Some(&values)], T => self.scattered::<T>(py, &values))
+    /// An image `[H, W, ..]` with the rows `[N, ..]` of fragments at pixel centres, and zeros. With `columns` an image
+    /// `[H, W, columns]` whose last ones are zeros.
+    #[pyo3(signature = (values, columns=None))]
+    fn scatter<'py>(
+        &self,
+        py: Python<'py>,
+        values: Array<'py>,
+        columns: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        by_type!(&[Some(&values)], T => self.scattered::<T>(py, &values, columns))
     }
 
-    /// The rows `[N, ..]` of fragments at pixel centres from an image `[H, W, ..]`; zeros for pieces.
-    fn gather<'py>(&self, py: Python<'py>, image: Array<'py>) -> PyResult<Bound<'py, PyAny>> {
-        by_type!(&[Some(&image)], T => self.gathered::<T>(py, &image))
+    /// The rows `[N, ..]` of fragments at pixel centres from an image `[H, W, ..]`; zeros for pieces. With `columns` the
+    /// first ones `[N, columns]` alone.
+    #[pyo3(signature = (image, columns=None))]
+    fn gather<'py>(
+        &self,
+        py: Python<'py>,
+        image: Array<'py>,
+        columns: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        by_type!(&[Some(&image)], T => self.gathered::<T>(py, &image, columns))
     }
 
     fn __repr__(&self) -> String {

@@ -218,6 +218,17 @@ def test_coverage_comes_back_from_its_ids_and_rows_from_images(generator):
     np.testing.assert_array_equal(image.reshape(-1, 2)[fragments.pixels], rows)
     np.testing.assert_array_equal(coverage.gather(image), rows)
     assert not image.reshape(-1, 2)[ids.ravel() == 0].any()
+    for own, columns in ((2, 4), (4, 2), (3, 5), (5, 3), (3, 3)):
+        rows = generator.uniform(size=(len(fragments), own))
+        if columns >= own:
+            image = coverage.scatter(np.pad(rows, ((0, 0), (0, columns - own))))
+            np.testing.assert_array_equal(coverage.scatter(rows, columns), image)
+        else:
+            np.testing.assert_array_equal(coverage.gather(coverage.scatter(rows), columns), rows[:, :columns])
+            with pytest.raises(ValueError, match=f"scatter has no {columns} columns of rows of {own} entries"):
+                coverage.scatter(rows, columns)
+    with pytest.raises(ValueError, match="gather has no 0 columns of rows of 5 entries"):
+        coverage.gather(generator.uniform(size=(12, 16, 5)), 0)
     picture = generator.uniform(size=(12, 16, 3))
     own, _ = bokashi.antialias_image(picture, fragments)
     np.testing.assert_array_equal(bokashi.antialias_image(picture, fragments.replace(coverage=again))[0], own)
@@ -337,9 +348,10 @@ def test_meshes_coverage_and_fragments_can_be_copied_and_pickled(generator):
             bokashi.Coverage.from_ids(mesh, ids, orientations=wrong)
 
 
-def test_the_import_waits_for_numpy():
+def test_the_import_waits_for_numpy_and_typing():
     program = (
-        "import sys, bokashi; before = {'numpy', 'dataclasses', 'inspect'} & set(sys.modules); print(before);"
+        "import sys, bokashi; slow = {'numpy', 'dataclasses', 'inspect', 'typing', 'collections', 're', 'enum'};"
+        "print(slow & set(sys.modules));"
         "assert 'Scene' in dir(bokashi) and not hasattr(bokashi, 'nothing');"
         "bokashi.Picture; assert 'numpy' in sys.modules; from bokashi import *; fit, Slope"
     )

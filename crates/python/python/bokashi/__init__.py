@@ -26,18 +26,19 @@ vertices, F faces, N fragments (the covered samples of an image), K pieces of ex
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ParamSpec, overload
 
 from . import _native, _operations
-from ._given import Fragments
+from ._given import TYPE_CHECKING, Fragments
 from ._native import (
     Connectivity, Coverage, Grid, Mesh, Prefilter, PullBack, RenderError, Rigidity, SceneError, SparseMatrix, Texture,
     Topology, num_threads, set_num_threads,
 )
-from ._operations import Environment, LensLayer, Single, Step, dressed
+from ._operations import Single, Step, dressed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any, ParamSpec, overload
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -47,7 +48,10 @@ if TYPE_CHECKING:
         DerivedMesh, FScore, NearestOnSurface, NearestPoints, f_score, nearest_on_surface, nearest_points,
         normal_consistency, remesh, self_intersections, signed_volume, smooth, subdivide, surface_area,
     )
+    from ._operations.tuples import Environment, LensLayer
     from ._scenes import Fit, Learning, Parameter, Picture, Scene, View, fit
+
+    _P = ParamSpec("_P")
 
 __all__ = [
     "Connectivity", "Coverage", "DerivedMesh", "Dual", "Environment", "FScore", "Fit", "Fragments", "Grid", "Learning",
@@ -90,8 +94,6 @@ copyreg.pickle(SparseMatrix, lambda matrix: (SparseMatrix, (matrix.shape, *matri
 copyreg.pickle(Grid, lambda grid: (Grid, (grid.shape, grid.origin, grid.spacing)))
 copyreg.pickle(Prefilter, lambda prefilter: (Prefilter, (prefilter.extent, prefilter.levels)))
 
-_P = ParamSpec("_P")
-
 _MESHES = """
     DerivedMesh FScore NearestOnSurface NearestPoints f_score nearest_on_surface nearest_points normal_consistency
     remesh self_intersections signed_volume smooth subdivide surface_area
@@ -99,6 +101,7 @@ _MESHES = """
 
 _LATER = (
     {"Slope": "_check", "check": "_check"}
+    | dict.fromkeys(("Environment", "LensLayer"), "_operations.tuples")
     | dict.fromkeys(("Dual", "hvp", "jvp"), "_dual")
     | dict.fromkeys(_MESHES.split(), "_meshes")
     | dict.fromkeys(("Fit", "Learning", "Parameter", "Picture", "Scene", "View", "fit"), "_scenes")
@@ -106,12 +109,11 @@ _LATER = (
 
 
 def __getattr__(name: str) -> Any:
-    """What needs numpy from its first line on, loaded where it is asked for: the import of numpy takes longest."""
+    """What needs numpy or `typing` from its first line on, loaded where it is asked for: they take longest."""
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    # The module is an attribute of this one once it is loaded.
-    __import__(f"{__name__}.{_LATER[name]}")
-    value = globals()[name] = getattr(globals()[_LATER[name]], name)
+    module = __import__(f"{__name__}.{_LATER[name]}", fromlist=[name])
+    value = globals()[name] = getattr(module, name)
     return value
 
 
@@ -126,10 +128,13 @@ def _like(value: Any, array: Any) -> Any:
     return value if isinstance(value, np.ndarray) or hasattr(value, "tangent") else np.asarray(value, array.dtype)
 
 
-@overload
-def _of_numpy(describe: Callable[_P, Single]) -> Callable[_P, tuple[NDArray[Any], PullBack]]: ...
-@overload
-def _of_numpy(describe: Callable[_P, Step]) -> Callable[_P, tuple[Any, PullBack]]: ...
+if TYPE_CHECKING:
+    @overload
+    def _of_numpy(describe: Callable[_P, Single]) -> Callable[_P, tuple[NDArray[Any], PullBack]]: ...
+    @overload
+    def _of_numpy(describe: Callable[_P, Step]) -> Callable[_P, tuple[Any, PullBack]]: ...
+
+
 def _of_numpy(describe: Callable[..., Step]) -> Callable[..., tuple[Any, PullBack]]:
     """The function of numpy arrays that a description tells."""
 

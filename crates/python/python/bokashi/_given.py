@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from _operator import index
 
 from ._native import Coverage, RenderError
 
+# That of `typing` is not imported: to load `typing` takes twice as long as to load all that `import bokashi` loads.
+TYPE_CHECKING = False
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any, Generic, TypeVar
+
     import numpy as np
     from numpy.typing import NDArray
 
-_Array = TypeVar("_Array")
+    _Array = TypeVar("_Array")
+else:
+    _Array = None
+
+    class Generic:
+        """What has `[..]` behind its name, which says nothing when the program runs."""
+
+        __slots__ = ()
+
+        def __class_getitem__(cls, kind):
+            return cls
 
 
 class Fragments(Generic[_Array]):
@@ -79,7 +93,7 @@ def size_of(size: int | Sequence[int]) -> tuple[int, int]:
     # No arrays are asked for: numpy may not be there yet.
     pair: Any = size if hasattr(size, "__len__") else (size, size)
     height, width = pair
-    return operator.index(height), operator.index(width)
+    return index(height), index(width)
 
 
 def surface_of(

@@ -28,10 +28,9 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from . import Coverage, Mesh, RenderError, Texture, _native
-from .torch import _to_array, _to_tensor
+from .torch import _once, _to_array, _to_tensor
 
 __all__ = [
     "DepthPeeler", "RasterizeCudaContext", "RasterizeGLContext", "antialias", "antialias_construct_topology_hash",
@@ -156,9 +155,10 @@ def _read(mesh: Mesh, ids: np.ndarray, clips: Sequence[np.ndarray | None]) -> li
 
 def _upside_down(positions: np.ndarray) -> np.ndarray:
     """Clip positions with y negated: our top row is then their bottom row."""
-    flipped = positions.copy()
-    flipped[..., 1] *= -1
-    return flipped
+    return positions * _UPSIDE_DOWN.astype(positions.dtype, copy=False)
+
+
+_UPSIDE_DOWN = np.array([1, -1, 1, 1], np.float32)
 
 
 def _part(mesh: Mesh, k: int, ranges: list[tuple[int, int]]) -> Mesh:
@@ -205,8 +205,7 @@ class _Images:
             return None
         bars = [np.zeros_like(clip) if bar is None else bar for bar, clip in zip(bars, self.clips)]
         total = np.sum(bars, 0) if self.is_shared else bars[0][None] if len(bars) == 1 else np.stack(bars)
-        total[..., 1] *= -1
-        return torch.from_numpy(total)
+        return torch.from_numpy(_upside_down(total))
 
     def are_at(self, pos: Tensor) -> bool:
         """Whether the positions are those that were drawn."""
@@ -243,31 +242,31 @@ class _Rasterize(torch.autograd.Function):
                 raise _of_image(k, len(images.clips), _of_positions(clip, error)) from None
             found.append(coverage)
             ctx.pulls.append((coverage, pull_back))
-            rasts.append(torch.from_numpy(coverage.dense(uv, depth, first)))
-            derivatives.append(torch.from_numpy(coverage.scatter(slopes.reshape(len(slopes), 4))))
+            rasts.append(coverage.dense(uv, depth, first))
+            derivatives.append(coverage.scatter(slopes.reshape(len(slopes), 4)))
         ctx.set_materialize_grads(False)
         return _stack(rasts), _stack(derivatives)
 
     @staticmethod
-    @once_differentiable
+    @_once
     def backward(ctx, rast_bar, db_bar):
-        bars = []
+        bars, rasts, derivatives = [], _to_array(rast_bar), _to_array(db_bar) if ctx.grad_db else None
         for k, (coverage, pull_back) in enumerate(ctx.pulls):
             uv_bar = slopes_bar = None
-            if rast_bar is not None:
+            if rasts is not None:
                 # z/w and the id have no gradient.
-                uv_bar = np.ascontiguousarray(coverage.gather(_to_array(rast_bar[k]))[:, :2])
-            if db_bar is not None and ctx.grad_db:
-                slopes_bar = coverage.gather(_to_array(db_bar[k])).reshape(len(coverage), 2, 2)
+                uv_bar = coverage.gather(rasts[k], 2)
+            if derivatives is not None:
+                slopes_bar = coverage.gather(derivatives[k]).reshape(len(coverage), 2, 2)
             bars.append(pull_back(uv_bar, None, slopes_bar)[0])
         return ctx.images.add_up(bars), None, None, None, None, None
 
 
-def _stack(images: list[Tensor]) -> Tensor:
-    """Images in one array; that of a single image is not copied."""
+def _stack(images: list[np.ndarray]) -> Tensor:
+    """Images in one tensor; that of a single image is not copied."""
     if not images:
         raise RenderError("a batch needs at least one image, got none")
-    return images[0][None] if len(images) == 1 else torch.stack(images)
+    return torch.from_numpy(images[0][None] if len(images) == 1 else np.stack(images))
 
 
 def _rasterize(
@@ -352,16 +351,16 @@ class _Interpolate(torch.autograd.Function):
         outs, derivatives = [], []
         for k, (coverage, mesh) in enumerate(coverages):
             own = attributes if attributes.ndim == 2 else attributes[min(k, len(attributes) - 1)]
-            uv = np.ascontiguousarray(coverage.gather(fragments[k])[:, :2])
+            uv = coverage.gather(fragments[k], 2)
             clip = np.zeros((coverage.mesh.vertex_count, 4), uv.dtype)
             (values,), pull = _native.interpolate(own, uv, clip, None, coverage, mesh)
-            outs.append(torch.from_numpy(coverage.scatter(values)))
+            outs.append(coverage.scatter(values))
             pull_slopes = None
             if which is not None:
                 chosen = np.ascontiguousarray(own[:, which])
                 db = coverage.gather(slopes[k]).reshape(len(coverage), 2, 2)
                 (moved,), pull_slopes = _native.interpolate_differentials(chosen, db, uv, clip, None, coverage, mesh)
-                derivatives.append(torch.from_numpy(coverage.scatter(moved.reshape(len(moved), 2 * len(which)))))
+                derivatives.append(coverage.scatter(moved.reshape(len(moved), 2 * len(which))))
             ctx.pulls.append((pull, pull_slopes))
         ctx.set_materialize_grads(False)
         if which is None:
@@ -369,37 +368,35 @@ class _Interpolate(torch.autograd.Function):
         return _stack(outs), _stack(derivatives)
 
     @staticmethod
-    @once_differentiable
+    @_once
     def backward(ctx, out_bar, da_bar):
         if out_bar is None and da_bar is None:
             return (None,) * 5
         attr_shape, _ = ctx.shapes
         wants_attr, wants_rast, wants_db = ctx.needs_input_grad[:3]
-        dtype = (out_bar if out_bar is not None else da_bar).numpy().dtype
-        attr_bar = np.zeros(attr_shape, dtype) if wants_attr else None
+        outs, derivatives = _to_array(out_bar), _to_array(da_bar)
+        attr_bar = np.zeros(attr_shape, (derivatives if outs is None else outs).dtype) if wants_attr else None
         rast_bars, db_bars = [], []
         for k, (coverage, (pull, pull_slopes)) in enumerate(zip(ctx.coverages, ctx.pulls)):
             own = None
             if attr_bar is not None:
                 own = attr_bar if attr_bar.ndim == 2 else attr_bar[min(k, len(attr_bar) - 1)]
-            if out_bar is not None:
-                values_bar = coverage.gather(_to_array(out_bar[k]))
+            if outs is not None:
+                values_bar = coverage.gather(outs[k])
                 more, uv_bar, *_ = pull(values_bar, wanted=(wants_attr, wants_rast, False, False))
                 if own is not None and more is not None:
                     own += more
                 if wants_rast:
-                    rast_bar = np.zeros((len(uv_bar), 4), dtype)
-                    rast_bar[:, :2] = uv_bar
-                    rast_bars.append(torch.from_numpy(coverage.scatter(rast_bar)))
-            if da_bar is not None and pull_slopes is not None:
-                moved_bar = coverage.gather(_to_array(da_bar[k])).reshape(len(coverage), len(ctx.which), 2)
+                    rast_bars.append(coverage.scatter(uv_bar, 4))
+            if derivatives is not None and pull_slopes is not None:
+                moved_bar = coverage.gather(derivatives[k]).reshape(len(coverage), len(ctx.which), 2)
                 more, db_bar, *_ = pull_slopes(moved_bar, wanted=(wants_attr, wants_db, False, False, False))
                 if own is not None and more is not None:
                     # One by one: an attribute may be chosen twice.
                     for column, attribute in enumerate(ctx.which):
                         own[:, attribute] += more[:, column]
                 if wants_db:
-                    db_bars.append(torch.from_numpy(coverage.scatter(db_bar.reshape(len(db_bar), 4))))
+                    db_bars.append(coverage.scatter(db_bar.reshape(len(db_bar), 4)))
         return (
             _to_tensor(attr_bar), _stack(rast_bars) if rast_bars else None, _stack(db_bars) if db_bars else None,
             None, None,
@@ -494,25 +491,25 @@ class _Texture(torch.autograd.Function):
                 )
             except ValueError as error:
                 raise _of_image(k, images, error) from None
-            outs.append(torch.from_numpy(values.reshape(height, width, values.shape[1])))
+            outs.append(values.reshape(height, width, values.shape[1]))
             ctx.pulls.append((pull, nowhere if is_cube else None))
         ctx.has, ctx.axes = (slopes is not None, bias is not None), axes
         ctx.set_materialize_grads(False)
         return _stack(outs)
 
     @staticmethod
-    @once_differentiable
+    @_once
     def backward(ctx, out_bar):
         if out_bar is None:
             return (None,) * (5 + len(ctx.shapes))
         wants_uv, wants_level, wants_da, _, _, *wants_texels = ctx.needs_input_grad
         has_da, _ = ctx.has
         uv_bars, level_bars, da_bars = [], [], []
-        dtype = out_bar.numpy().dtype
-        texel_bars = [np.zeros(shape, dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
+        bars_of_images = _to_array(out_bar)
+        texel_bars = [np.zeros(shape, bars_of_images.dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
         images, height, width, channels = out_bar.shape
         for k, (pull, nowhere) in enumerate(ctx.pulls):
-            bar = _to_array(out_bar[k]).reshape(height * width, channels)
+            bar = bars_of_images[k].reshape(height * width, channels)
             wanted = (
                 wants_uv, wants_level and not has_da, wants_da, wants_level and has_da,
                 *(() if ctx.stays else wants_texels),
@@ -526,7 +523,7 @@ class _Texture(torch.autograd.Function):
                 if own is not None:
                     if nowhere is not None:
                         own[nowhere] = 0
-                    bars.append(torch.from_numpy(own.reshape(height, width, *of_pixel)))
+                    bars.append(own.reshape(height, width, *of_pixel))
             for texel_bar, own in zip(texel_bars, more):
                 if texel_bar is not None and own is not None:
                     texel_bar[min(k, len(texel_bar) - 1)] += own
@@ -617,21 +614,21 @@ class _Antialias(torch.autograd.Function):
         for image, coverage, clip in zip(pixels, coverages, images.clips):
             uv = np.zeros((len(coverage), 2), clip.dtype)
             (out,), pull = _native.antialias_image(image, uv, clip, coverage)
-            outs.append(torch.from_numpy(out))
+            outs.append(out)
             ctx.pulls.append(pull)
         ctx.set_materialize_grads(False)
         return _stack(outs)
 
     @staticmethod
-    @once_differentiable
+    @_once
     def backward(ctx, out_bar):
         if out_bar is None:
             return (None,) * 5
         wants_color, wants_pos = ctx.needs_input_grad[:2]
-        color_bars, clip_bars = [], []
-        for k, pull in enumerate(ctx.pulls):
-            color_bar, _, clip_bar, _ = pull(_to_array(out_bar[k]), wanted=(wants_color, False, wants_pos, False))
-            color_bars.append(_to_tensor(color_bar))
+        color_bars, clip_bars, bars = [], [], _to_array(out_bar)
+        for bar, pull in zip(bars, ctx.pulls):
+            color_bar, _, clip_bar, _ = pull(bar, wanted=(wants_color, False, wants_pos, False))
+            color_bars.append(color_bar)
             clip_bars.append(clip_bar)
         pos_bar = ctx.images.add_up(clip_bars) if wants_pos else None
         if pos_bar is not None and ctx.boost != 1:

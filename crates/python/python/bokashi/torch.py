@@ -63,13 +63,23 @@ def _to_array(tensor: Tensor | None) -> Any:
         return None
     if not isinstance(tensor, Tensor):
         raise TypeError(f"bokashi.torch needs tensors, got {type(tensor).__name__}")
-    if tensor.device.type != "cpu":
+    if not tensor.is_cpu:
         raise RenderError(f"bokashi runs on a CPU and needs tensors that are there, got one on {tensor.device}")
-    return tensor.detach().contiguous().numpy()
+    return (tensor.detach() if tensor.requires_grad else tensor).contiguous().numpy()
 
 
 def _to_tensor(array: Any) -> Tensor | None:
     return None if array is None else torch.from_numpy(array)
+
+
+def _once(backward: Callable[..., Any]) -> Callable[..., Any]:
+    """As torch's `once_differentiable`, but for its time where no graph of gradients is made, as in nearly all calls."""
+    checked = once_differentiable(backward)
+
+    def pull(ctx, *upstream):
+        return checked(ctx, *upstream) if torch.is_grad_enabled() else backward(ctx, *upstream)
+
+    return pull
 
 
 class _Recorded(torch.autograd.Function):
@@ -92,7 +102,7 @@ class _Recorded(torch.autograd.Function):
         return tuple(torch.from_numpy(y.tangent.astype(dtype, copy=False)) for y in outputs)
 
     @staticmethod
-    @once_differentiable
+    @_once
     def backward(ctx, *upstream):
         # Tangents of gradients would be lost in silence.
         if ctx.has_tangents or any(unpack_dual(bar).tangent is not None for bar in upstream if bar is not None):

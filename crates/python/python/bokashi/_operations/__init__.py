@@ -16,9 +16,9 @@ from .images import (
     depth_error, depth_of_field, downsample, exposure, gaussian_blur, halved, mean_error, multiscale_ssim_error, over,
     silhouette_error, squared_error, srgb_decode, srgb_encode, ssim_error, total_variation,
 )
-from .layers import LensLayer, composite_layers, depth_layers, lens_picture, rasterize_behind
+from .layers import composite_layers, depth_layers, lens_picture, rasterize_behind
 from .light import (
-    Environment, face_normals, irradiance, perturbed_normals, prefiltered, reflect, shade, shade_in_environment,
+    face_normals, irradiance, perturbed_normals, prefiltered, reflect, shade, shade_in_environment,
     tangents, vertex_normals,
 )
 from .meshes import (

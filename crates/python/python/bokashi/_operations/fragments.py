@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
-
 from .. import _native
-from .._given import Fragments, size_of
+from .._given import TYPE_CHECKING, Fragments, size_of
 from .._native import Mesh
 from .step import Single, Step, same
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
-
 from .. import _native
-from .._given import Fragments, size_of
+from .._given import TYPE_CHECKING, Fragments, size_of
 from .._native import Mesh, RenderError
 from .step import Single, Step
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
     from numpy.typing import ArrayLike
+
+    from .tuples import LensLayer
 
 
 def rasterize_behind(front: Fragments[Any], *, cull: str = "none") -> Step:
@@ -80,20 +82,6 @@ def composite_layers(
     return Single(run, [background, layers[0][0].clip, *of_layers, reference], shapes, ("reference",))
 
 
-class LensLayer(NamedTuple):
-    """What a lens sees of one layer in depth: fragments, colours times alpha `[N, C]`, and distances `[N]`.
-
-    `distance` is that of `eye_depth`. `alpha` `[N]` is how much of what lies behind is hidden; without it all.
-    `slope` `[N, 2]` is that of `eye_depth_slope`; without it each fragment is blurred as if it faced the lens.
-    """
-
-    fragments: Fragments[Any]
-    values: Any
-    distance: Any
-    alpha: Any = None
-    slope: Any = None
-
-
 def lens_picture(
     layers: Sequence[LensLayer], aperture: ArrayLike, focus: ArrayLike, *, background: ArrayLike | None = None,
     far: float = float("inf"), margin: int = 0, largest_radius: float = 64.0, blades: int = 0, rotation: float = 0.0,
@@ -125,6 +113,8 @@ def lens_picture(
     def shapes(*x: Any) -> Sequence[tuple[int, ...]]:
         height, width = coverages[0].size
         return [(height - 2 * margin, width - 2 * margin, x[4].shape[1])]
+
+    from .tuples import LensLayer
 
     whole = [LensLayer(*layer) for layer in layers]
     arrays = [array for layer in whole for array in (layer.values, layer.alpha, layer.distance, layer.slope)]

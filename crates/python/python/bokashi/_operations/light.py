@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
-
 from .. import _native
-from .._given import surface_of
+from .._given import TYPE_CHECKING, surface_of
 from .._native import Mesh, Prefilter
 from .step import Single, Step, same
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
     from numpy.typing import ArrayLike
+
+    from .tuples import Environment
 
 
 def face_normals(positions: ArrayLike, mesh: Mesh) -> Single:
@@ -76,13 +78,6 @@ def shade(
     return Single(run, [normals, views, positions, *of_material, *of_lights], same)
 
 
-class Environment(NamedTuple):
-    """Light from all sides: spherical harmonics `[9, 3]`, and mirror images `[6, S, S, 3]` from sharp to rough."""
-
-    harmonics: Any
-    levels: Sequence[Any]
-
-
 def prefiltered(texels: ArrayLike, prefilter: Prefilter) -> Step:
     """The `Environment` of a cube map's radiance `[6, S, S, 3]`: make it once a step, and the `Prefilter` once.
 
@@ -95,6 +90,8 @@ def prefiltered(texels: ArrayLike, prefilter: Prefilter) -> Step:
         return [(9, texels.shape[3]), *((6, extent, extent, texels.shape[3]) for extent in extents)]
 
     def result(outputs: Sequence[Any], arrays: Sequence[Any]) -> Environment:
+        from .tuples import Environment
+
         return Environment(outputs[0], [*arrays, *outputs[1:]])
 
     return Step(lambda x: _native.prefiltered(x, prefilter), [texels], shapes, result=result)

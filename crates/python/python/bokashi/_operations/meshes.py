@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
 from .. import _native
+from .._given import TYPE_CHECKING
 from .._native import Grid, Mesh, Rigidity, SparseMatrix, Topology
 from .step import Single, Step, scalar
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
 

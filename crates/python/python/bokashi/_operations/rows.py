@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from .. import _native
+from .._given import TYPE_CHECKING
 from .._native import SparseMatrix
 from .step import Single, broadcast, plain, same
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from types import FunctionType
-from typing import Any
+
+from .._given import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
 
 
 def _first(outputs: Sequence[Any], arrays: Sequence[Any]) -> Any:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
-
 from .. import _native
+from .._given import TYPE_CHECKING
 from .._native import RenderError, Texture
 from .step import Single, Step
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
 
