@@ -44,6 +44,12 @@ fn to_array<'py, T: Number>(
 }
 
 impl Coverage {
+    /// The runs of fragments at pixel centres: those of pieces come last.
+    fn runs_at_centers(&self) -> impl Iterator<Item = ops::PixelRun> + '_ {
+        let centers = self.0.centers();
+        self.0.runs().take_while(move |run| run.fragments.start < centers)
+    }
+
     /// Rows `[N, ..]` of fragments at pixel centres on the pixels of an image of zeros. Rows of other than `columns`
     /// entries have zeros after them.
     fn scattered<'py, T: Number>(
@@ -72,7 +78,7 @@ impl Coverage {
         };
         check_columns("scatter", own, columns, own <= columns)?;
         let mut image = vec![T::ZERO; height * width * columns];
-        for run in self.0.runs() {
+        for run in self.runs_at_centers() {
             let pixels = &mut image[columns * run.pixels.start..columns * run.pixels.end];
             let rows = &values[own * run.fragments.start..own * run.fragments.end];
             copy_columns(rows, own, pixels, columns);
@@ -108,7 +114,7 @@ impl Coverage {
         };
         check_columns("gather", all, columns, columns <= all)?;
         let mut values = vec![T::ZERO; self.0.count() * columns];
-        for run in self.0.runs() {
+        for run in self.runs_at_centers() {
             let pixels = &image[all * run.pixels.start..all * run.pixels.end];
             let rows = &mut values[columns * run.fragments.start..columns * run.fragments.end];
             copy_columns(pixels, all, rows, columns);
@@ -170,7 +176,7 @@ impl Coverage {
         }
         let Size { height, width } = self.0.size();
         let mut image = vec![T::ZERO; COLUMNS * height * width];
-        for run in self.0.runs() {
+        for run in self.runs_at_centers() {
             let id = T::from_f64((first_face + run.face + 1) as f64);
             let pixels = image[COLUMNS * run.pixels.start..COLUMNS * run.pixels.end]
                 .as_chunks_mut::<COLUMNS>()

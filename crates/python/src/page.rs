@@ -142,9 +142,9 @@ pub fn learning_page(
 fn push_view(
     section: &mut Section,
     scene: &scene::Scene,
-    seen: &ViewComparison,
+    compared: &ViewComparison,
 ) -> Result<(), Refusal> {
-    let view = &scene.views[seen.score.view];
+    let view = &scene.views[compared.score.view];
     let captioned = |what: &str, image| {
         Ok::<_, Refusal>(Captioned {
             address: data_uri(&scene.png_of(image)?),
@@ -153,8 +153,9 @@ fn push_view(
             is_linked: false,
         })
     };
-    let mut pictures = vec![captioned("result", &seen.image)?];
-    pictures.extend(seen.target.as_ref().map(|target| captioned("target", target)).transpose()?);
+    let mut pictures = vec![captioned("result", &compared.image)?];
+    pictures
+        .extend(compared.target.as_ref().map(|target| captioned("target", target)).transpose()?);
     section.push_pictures(&view.name, pictures);
     Ok(())
 }
@@ -168,12 +169,12 @@ pub fn fit_page(words: &str, losses: &[f64], fit: &scene::SceneFit) -> Result<St
     let columns = ["view", "PSNR in dB", "SSIM", "silhouette IoU"].map(|title| (title, ""));
     let (mut table, mut pictures) = (Table::new("", "", &columns), Section::new("views", "", ""));
     for &view in views.iter().take(MOST_VIEWS) {
-        let seen = fit.compare(view)?;
+        let compared = fit.compare(view)?;
         let held_out = if scene.views[view].held_out { ", held out" } else { "" };
-        let numbers = [seen.score.psnr, seen.score.ssim, seen.score.silhouette_iou];
+        let numbers = [compared.score.psnr, compared.score.ssim, compared.score.silhouette_iou];
         let name = Cell::text(format!("{}{held_out}", scene.views[view].name));
         table.push(std::iter::once(name).chain(numbers.map(Cell::maybe)).collect());
-        push_view(&mut pictures, scene, &seen)?;
+        push_view(&mut pictures, scene, &compared)?;
     }
     let mut scores = Section::new("scores", "", "");
     scores.push_table(table);

@@ -229,6 +229,13 @@ def test_coverage_comes_back_from_its_ids_and_rows_from_images(generator):
                 coverage.scatter(rows, columns)
     with pytest.raises(ValueError, match="gather has no 0 columns of rows of 5 entries"):
         coverage.gather(generator.uniform(size=(12, 16, 5)), 0)
+    # Pieces of exact coverage are on no image of centres.
+    exact, _ = bokashi.rasterize(clip, mesh, (12, 16), exact=True)
+    assert len(exact) > exact.coverage.centers > 0
+    rows = generator.uniform(size=(len(exact), 2))
+    image = exact.coverage.scatter(rows)
+    np.testing.assert_array_equal(exact.coverage.scatter(rows, 4)[..., :2], image)
+    np.testing.assert_array_equal(exact.coverage.gather(np.dstack([image, image]), 2), exact.coverage.gather(image))
     picture = generator.uniform(size=(12, 16, 3))
     own, _ = bokashi.antialias_image(picture, fragments)
     np.testing.assert_array_equal(bokashi.antialias_image(picture, fragments.replace(coverage=again))[0], own)

@@ -49,13 +49,14 @@ impl<'a> LivePage<'a> {
         std::thread::sleep(LAST_LOOK);
     }
 
-    fn snapshot(&self, fit: &SceneFit, seen: &[ViewComparison]) -> Snapshot {
+    fn snapshot(&self, fit: &SceneFit, compared: &[ViewComparison]) -> Snapshot {
         let (scene, record) = (fit.scene(), self.record.borrow());
-        let views = seen.iter().filter_map(|seen| {
-            let view = &scene.views[seen.score.view];
-            let Pictures { picture, target, difference } = Pictures::from_view(scene, seen).ok()?;
+        let views = compared.iter().filter_map(|compared| {
+            let view = &scene.views[compared.score.view];
+            let Pictures { picture, target, difference } =
+                Pictures::from_view(scene, compared).ok()?;
             let (target, difference) = (target?, difference?);
-            let (name, held_out, psnr) = (view.name.clone(), view.held_out, seen.score.psnr);
+            let (name, held_out, psnr) = (view.name.clone(), view.held_out, compared.score.psnr);
             Some(View { name, held_out, psnr, picture, target, difference })
         });
         let model = fit.learnt().and_then(|learnt| learnt.model()).ok();

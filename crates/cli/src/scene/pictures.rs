@@ -39,19 +39,19 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub(super) fn from_view(scene: &Scene, seen: &ViewComparison) -> Result<Self, SceneError> {
+    pub(super) fn from_view(scene: &Scene, compared: &ViewComparison) -> Result<Self, SceneError> {
         let png = |image: &Tensor<f32>| Ok::<_, SceneError>(Arc::from(scene.png_of(image)?));
-        let target = seen.target.as_ref();
+        let target = compared.target.as_ref();
         let difference = target.map(|target| {
-            let (image, target) = (seen.image.data(), target.data());
+            let (image, target) = (compared.image.data(), target.data());
             // Grey where they agree.
             let off = |k: usize| 0.5 + 0.5 * GAIN * (image[k] - target[k]);
-            let image = Tensor::from_flat_fn(seen.image.shape(), off);
+            let image = Tensor::from_flat_fn(compared.image.shape(), off);
             let picture = Picture::from_color(&image, ColorSpace::Linear)?;
             Ok::<_, SceneError>(Arc::from(picture.encode_png(&Location::new("a difference"))?))
         });
         Ok(Self {
-            picture: png(&seen.image)?,
+            picture: png(&compared.image)?,
             target: target.map(png).transpose()?,
             difference: difference.transpose()?,
         })

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     _Array = TypeVar("_Array")
 else:
-    _Array = None
+    _Array = object
 
     class Generic:
-        """What has `[..]` behind its name, which says nothing when the program runs."""
+        """Stands in for `typing.Generic` when the program runs: subscripts are ignored."""
 
         __slots__ = ()
 

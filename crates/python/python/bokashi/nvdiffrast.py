@@ -223,7 +223,7 @@ def _of_positions(clip: np.ndarray, error: ValueError) -> ValueError:
     if is_finite.all():
         return error
     vertex = int(is_finite.argmin())
-    x, y, z, w = (clip[vertex] * [1, -1, 1, 1]).tolist()
+    x, y, z, w = _upside_down(clip[vertex]).tolist()
     return RenderError(f"clip positions need to be finite, got ({x}, {y}, {z}, {w}) at vertex {vertex}")
 
 
@@ -505,11 +505,13 @@ class _Texture(torch.autograd.Function):
         wants_uv, wants_level, wants_da, _, _, *wants_texels = ctx.needs_input_grad
         has_da, _ = ctx.has
         uv_bars, level_bars, da_bars = [], [], []
-        bars_of_images = _to_array(out_bar)
-        texel_bars = [np.zeros(shape, bars_of_images.dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)]
+        out_bars = _to_array(out_bar)
+        texel_bars = [
+            np.zeros(shape, out_bars.dtype) if wants else None for shape, wants in zip(ctx.shapes, wants_texels)
+        ]
         images, height, width, channels = out_bar.shape
         for k, (pull, nowhere) in enumerate(ctx.pulls):
-            bar = bars_of_images[k].reshape(height * width, channels)
+            bar = out_bars[k].reshape(height * width, channels)
             wanted = (
                 wants_uv, wants_level and not has_da, wants_da, wants_level and has_da,
                 *(() if ctx.stays else wants_texels),

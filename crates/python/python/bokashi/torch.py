@@ -73,7 +73,7 @@ def _to_tensor(array: Any) -> Tensor | None:
 
 
 def _once(backward: Callable[..., Any]) -> Callable[..., Any]:
-    """As torch's `once_differentiable`, but for its time where no graph of gradients is made, as in nearly all calls."""
+    """As torch's `once_differentiable`, without its cost where no graph of gradients is made, as in nearly all calls."""
     checked = once_differentiable(backward)
 
     def pull(ctx, *upstream):

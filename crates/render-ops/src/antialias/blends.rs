@@ -278,9 +278,11 @@ impl<T: Scalar> SavedBlends<T> {
                             let terms = steps.iter().zip(&out_bar[target..][..channels]);
                             let alpha_bar =
                                 terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
-                            *bars = blend
-                                .pull_back(alpha_bar, clip, size)
-                                .map(|bar| bar.map(T::narrow));
+                            let of_ends = blend.pull_back(alpha_bar, clip, size);
+                            let pairs = bars.as_flattened_mut().iter_mut();
+                            pairs
+                                .zip(of_ends.as_flattened())
+                                .for_each(|(to, &bar)| *to = T::narrow(bar));
                         }
                     },
                 );

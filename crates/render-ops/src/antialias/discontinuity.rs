@@ -232,16 +232,20 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         let [row, column] = size.row_and_column(self.pixel as usize).map(|index| index as u32);
         let pair = Pair { row, column, below: self.below, covers_first: self.covers_first };
         let frame = Frame::new(pair.covered_pixel(), self.below, size);
-        let [(p, p_factor), (q, q_factor)] =
-            self.edge.map(|index| Vertex::from_clip(clip, index, size));
-        let [p, q] = [p, q].map(|vertex| frame.local(vertex));
+        // Nothing by `map`, which would be calls.
+        let vertex = |index| Vertex::from_clip(clip, index, size);
+        let [(p, p_factor), (q, q_factor)] = [vertex(self.edge[0]), vertex(self.edge[1])];
+        let [p, q] = [frame.local(p), frame.local(q)];
         let Crossing { x, m } = crossing(p, q);
         let scale = -alpha_bar / m;
-        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * partial);
-        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * partial);
+        let p_bar = [scale * q.y, scale * (x * q.w - q.x), scale * (-x * q.y)];
+        let q_bar = [scale * -p.y, scale * (p.x - x * p.w), scale * (x * p.y)];
         // The factors come last: with them a gradient may be beyond the range of the numbers.
-        [(p_bar, p_factor), (q_bar, q_factor)]
-            .map(|(bar, factor)| frame.pull_back(bar, size).map(|bar| factor * bar))
+        let in_clip_space = |bar, factor: S| {
+            let [x_bar, y_bar, w_bar] = frame.pull_back(bar, size);
+            [factor * x_bar, factor * y_bar, factor * w_bar]
+        };
+        [in_clip_space(p_bar, p_factor), in_clip_space(q_bar, q_factor)]
     }
 }
 

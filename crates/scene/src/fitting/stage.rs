@@ -89,7 +89,11 @@ impl Pipeline<f32> for StagePipeline {
             on_surfaces = Some(variables);
         }
         let of_views = on_surfaces.as_ref().unwrap_or(variables);
-        let shared = current(&self.drawing).share_values(&with(of_views))?;
+        // A single view has nobody to share with.
+        let shared = match self.views.chosen().len() {
+            0 | 1 => None,
+            _ => current(&self.drawing).share_values(&with(of_views))?,
+        };
         let mut loss = self.views.loss(tape, shared.as_ref().unwrap_or(of_views))?;
         for regularizer in self.regularizers.iter() {
             loss = loss.try_add(regularizer.loss(variables)?)?;

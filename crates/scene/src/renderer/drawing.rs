@@ -246,8 +246,8 @@ impl Renderer {
         self.draw_request(values, Request { view, reduce, with_mask, with_lens: true, cache })
     }
 
-    /// The variables of a step with what all of its views share in the place of what that follows from: levels of
-    /// textures. `None` where they stay as they are.
+    /// The variables of a step with all levels of the textures that are learnt in the place of their texels. `None` where
+    /// they stay as they are.
     ///
     /// # Errors
     /// What the operations refuse.

@@ -134,14 +134,17 @@ impl<'a> MaterialMap<'a> {
         Ok(Some(texture))
     }
 
-    /// The variables with the levels of this map in the place of its texels, if they are learnt and lead to anything else.
+    /// The variables with the levels of this map in the place of its texels, if these are learnt and have coarser levels or
+    /// gutters.
     pub(super) fn share_levels<'t>(
         &self,
         variables: &Variables<'t, f32>,
         values: &Values<'t, '_>,
     ) -> Result<Option<Variables<'t, f32>>, FitError> {
         let is_plain = self.coarsest() == 0 && self.surface_map().gutters.is_none();
-        let texels = self.learnt(values).filter(|_| !is_plain);
+        // Several materials may have one name: then the first of them has shared the levels.
+        let values = Values { learnt: Some(variables), ..*values };
+        let texels = self.learnt(&values).filter(|_| !is_plain);
         let (Some(texels), Some(row)) = (texels, self.kind.learnable()) else { return Ok(None) };
         let texture = self.from_learnt(texels)?;
         let others = variables.clone().without(&row.parameter_name(self.name));

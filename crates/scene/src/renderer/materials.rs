@@ -256,9 +256,11 @@ struct SampledMaterial<'t, 'a> {
     kept: &'a KeptMaps,
 }
 
-/// The materials of objects, with these.
+/// Each material, with its object.
 fn materials(objects: &[Object]) -> impl Iterator<Item = (&Object, &SurfaceMaterial)> {
-    objects.iter().flat_map(|object| object.materials.iter().map(move |of_it| (object, of_it)))
+    objects
+        .iter()
+        .flat_map(|object| object.materials.iter().map(move |material| (object, material)))
 }
 
 impl<'t> SampledMaterial<'t, '_> {
@@ -311,14 +313,15 @@ impl<'t> SampledMaterial<'t, '_> {
     /// A map at the fragments, `[N, C]`; `None` without a map or coordinates.
     fn sample_map(&self, kind: MapKind) -> Result<Option<Var<'t, f32>>, FitError> {
         let Some(coordinates) = self.attributes.coordinates else { return Ok(None) };
-        let Self { name, material, sampler, .. } = self;
-        let map = MaterialMap { name, material, kind, has_levels: sampler.has_levels() };
+        let Self { name, material, .. } = self;
+        let has_levels = self.sampler.has_levels();
+        let map = MaterialMap { name, material, kind, has_levels };
         let Some(texture) = map.texture(self.values, self.kept)? else { return Ok(None) };
         let detail = match self.attributes.slopes {
             Some(differentials) => Detail::Differentials { differentials, bias: None },
             None => Detail::Finest,
         };
-        let filter = match sampler.filter {
+        let filter = match self.sampler.filter {
             FilterName::Nearest => TextureFilter::Nearest,
             FilterName::Bilinear => TextureFilter::Bilinear,
             FilterName::Trilinear => TextureFilter::Trilinear,

@@ -27,3 +27,7 @@ class LensLayer(NamedTuple):
     distance: Any
     alpha: Any = None
     slope: Any = None
+
+
+# Pickles and `help` know them by where users find them.
+Environment.__module__ = LensLayer.__module__ = "bokashi"
