@@ -177,8 +177,9 @@ impl Mesh {
             neighbor
                 .is_none_or(|neighbor| neighbor.is_turned(own, orientation(neighbor.face as usize)))
         };
-        let [a, b, c] = self.adjacency().neighbors(face).each_ref().map(|it| u8::from(bit(it)));
-        a | b << 1 | c << 2
+        // Not by `map`, which would be a call.
+        let [a, b, c] = self.adjacency().neighbors(face);
+        u8::from(bit(a)) | u8::from(bit(b)) << 1 | u8::from(bit(c)) << 2
     }
 
     /// The vertex indices of each face.
