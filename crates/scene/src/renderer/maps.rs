@@ -100,7 +100,7 @@ impl<'a> MaterialMap<'a> {
     }
 
     /// The texture of texels that are learnt.
-    fn from_learnt<'t>(&self, texels: Var<'t, f32>) -> Result<Texture<'t, f32>, RenderError> {
+    fn texture_of<'t>(&self, texels: Var<'t, f32>) -> Result<Texture<'t, f32>, RenderError> {
         let filled = |gutters: &Gutters| gutters.filled(texels);
         let texels = self.surface_map().gutters.as_ref().map_or(Ok(texels), filled)?;
         Texture::with_mipmaps_to(texels, self.coarsest())
@@ -121,7 +121,7 @@ impl<'a> MaterialMap<'a> {
             return Texture::from_levels(&levels).map(Some);
         }
         if let Some(texels) = self.learnt(values) {
-            return self.from_learnt(texels).map(Some);
+            return self.texture_of(texels).map(Some);
         }
         let kept = &kept[self.kind as usize];
         if let Some(kept) = kept.get() {
@@ -146,7 +146,7 @@ impl<'a> MaterialMap<'a> {
         let values = Values { learnt: Some(variables), ..*values };
         let texels = self.learnt(&values).filter(|_| !is_plain);
         let (Some(texels), Some(row)) = (texels, self.kind.learnable()) else { return Ok(None) };
-        let texture = self.from_learnt(texels)?;
+        let texture = self.texture_of(texels)?;
         let others = variables.clone().without(&row.parameter_name(self.name));
         let levels = (0..).map_while(|level| self.level_name(level)).zip(texture.levels());
         Ok(Some(levels.fold(others, |others, (name, &level)| others.with(name, level))))
