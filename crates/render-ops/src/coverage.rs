@@ -11,7 +11,8 @@ use bokashi_core::{Scalar, TensorError};
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
-use crate::run_reader::{BandRuns, RunReader};
+use crate::fetch::fetch_all;
+use crate::run_reader::{BandRuns, RunReader, RunStart};
 use crate::runs::{Run, Runs, rows_per_band};
 use crate::size::Size;
 
@@ -24,7 +25,7 @@ pub struct Coverage {
     /// The fragments at pixel centres.
     pub(crate) centers: Runs,
     /// The indices of the runs at pixel centres, in the order of their pixels.
-    pub(crate) by_pixel: Vec<u32>,
+    pub(crate) by_pixel: Vec<RunStart>,
     /// Where in `by_pixel` each row starts, and at the end its length.
     pub(crate) row_starts: Vec<u32>,
     /// The pixels whose centres are covered, as ranges from a first pixel to before an end, in order.
@@ -163,7 +164,9 @@ impl Coverage {
         let Self { centers, by_pixel, row_starts, covered, .. } = self;
         let before = centers.runs.len() as u32;
         centers.add_band(&band.runs);
-        by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
+        by_pixel.extend(
+            band.by_pixel.iter().map(|start| RunStart { run: before + start.run, ..*start }),
+        );
         row_starts.extend(band.row_starts.iter().map(|start| before + start));
         covered.extend(&band.covered);
     }
@@ -370,18 +373,17 @@ impl Coverage {
             return None;
         }
         let [row, column] = self.size.row_and_column(pixel);
-        self.run_in_row(row, column as u32)
+        self.run_in_row(row, column as u32).map(|run| &self.centers.runs[run as usize])
     }
 
-    /// The run that covers the centre of the pixel of a row and a column.
-    #[inline]
-    pub(crate) fn run_in_row(&self, row: usize, column: u32) -> Option<&Run> {
+    /// The index of the run that covers the centre of the pixel of a row and a column.
+    #[inline(always)]
+    pub(crate) fn run_in_row(&self, row: usize, column: u32) -> Option<u32> {
         let pixel = (row * self.size.width) as u32 + column;
-        let runs = &self.by_pixel[self.row(row)];
-        let run = |index: u32| &self.centers.runs[index as usize];
-        let after = runs.partition_point(|&index| run(index).pixel <= pixel);
-        let run = run(runs[after.checked_sub(1)?]);
-        (pixel - run.pixel < run.length).then_some(run)
+        let starts = &self.by_pixel[self.row(row)];
+        let after = starts.partition_point(|start| start.pixel <= pixel);
+        let RunStart { pixel: first, run } = starts[after.checked_sub(1)?];
+        (pixel - first < self.centers.runs[run as usize].length).then_some(run)
     }
 
     /// Where in `by_pixel` the runs of a row are, from the left.
@@ -392,7 +394,26 @@ impl Coverage {
     /// The runs at pixel centres of a row, from the left.
     #[inline(always)]
     pub(crate) fn runs_in_row(&self, row: usize) -> impl ExactSizeIterator<Item = &Run> + '_ {
-        self.by_pixel[self.row(row)].iter().map(|&index| &self.centers.runs[index as usize])
+        self.by_pixel[self.row(row)].iter().map(|start| &self.centers.runs[start.run as usize])
+    }
+
+    /// The pixels from the first covered one to the last, of each row of the band of `slots`.
+    #[inline(always)]
+    pub(crate) fn pixels_by_row(&self, slots: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+        let rows = self.centers.rows_of(slots, self.size);
+        rows.filter_map(|row| {
+            let [first, .., last] = &self.by_pixel[self.row(row)] else { return None };
+            Some(first.pixel as usize..self.centers.runs[last.run as usize].pixels().end)
+        })
+    }
+
+    /// Reads the runs of the band of `slots`, in the order of their pixels.
+    #[inline(always)]
+    pub(crate) fn fetch_runs(&self, slots: Range<usize>) {
+        let rows = self.centers.rows_of(slots.clone(), self.size);
+        let [first, end] = [rows.start, rows.end].map(|row| self.row_starts[row] as usize);
+        fetch_all(&self.by_pixel[first..end], |start| start.pixel);
+        fetch_all(self.centers.in_slots(slots), |run| run.pixel);
     }
 
     /// The silhouettes of a face as the mesh is seen, a bit for the corner that each edge faces.

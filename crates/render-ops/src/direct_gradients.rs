@@ -74,46 +74,43 @@ impl<T: Scalar> DirectGradients<'_, T> {
         clip_bar: &mut Accumulator<T>,
         attributes_bar: Option<&mut Accumulator<T>>,
         lists: &FaceLists<T>,
-        add_attributes: impl Fn(&mut [T], usize) + Sync,
+        add_attributes: impl Fn(&mut [T], usize) + Send,
     ) -> Vec<usize> {
-        let clip_bar = clip_bar.entries().as_chunks_mut::<4>().0;
-        let mut attributes_bar =
-            attributes_bar.map(|attributes| attributes.entries().as_chunks_mut::<3>().0);
-        let (centers, faces) = (&self.coverage.centers, self.coverage.mesh().faces());
-        let mut left_out = Vec::new();
-        let mut add = |slot: usize, bars: Option<&FaceBars<T>>| {
-            let Some(bars) = bars else {
-                if let Some(attributes_bar) = &mut attributes_bar {
-                    add_attributes(attributes_bar.as_flattened_mut(), slot);
-                }
-                return left_out.push(slot);
-            };
-            let face = centers.face(slot);
-            let rows = bars.clip.map(|[x, y, w]| [x, y, T::ZERO, w]);
-            add_rows(clip_bar, faces[face], &rows);
-            if let Some(attributes_bar) = &mut attributes_bar {
-                add_rows(attributes_bar, self.indices.faces()[face], &bars.attributes);
-            }
+        let mut sums = VertexSums {
+            direct: self,
+            clip_bar: clip_bar.entries().as_chunks_mut::<4>().0,
+            attributes_bar: attributes_bar.map(|bar| bar.entries().as_chunks_mut::<3>().0),
+            add_attributes,
+            left_out: Vec::new(),
         };
+        let centers = &self.coverage.centers;
         if centers.is_shared() {
             let work = |slots: Range<usize>, _: usize, _: &mut [T]| {
                 let mut all_bars = lists.take();
                 all_bars.clear();
-                self.walk(slots.clone(), &mut |_, bars| all_bars.push(bars.copied()));
+                self.walk(
+                    slots.clone(),
+                    #[inline(always)]
+                    |_, bars| all_bars.push(bars),
+                );
                 (slots, all_bars)
             };
             centers.merge_bands_mut(0, &mut [], work, |(slots, all_bars)| {
-                slots.zip(&all_bars).for_each(|(slot, bars)| add(slot, bars.as_ref()));
+                slots.zip(&all_bars).for_each(|(slot, bars)| sums.add(slot, *bars));
                 lists.put_back(all_bars);
             });
         } else {
-            self.walk(0..centers.slots.len(), &mut add);
+            self.walk(
+                0..centers.slots.len(),
+                #[inline(always)]
+                |slot, bars| sums.add(slot, bars),
+            );
         }
-        left_out
+        sums.left_out
     }
 
     /// Calls `emit` with each of `slots` and the gradients of its face's vertices.
-    fn walk(&self, slots: Range<usize>, emit: &mut impl FnMut(usize, Option<&FaceBars<T>>)) {
+    fn walk(&self, slots: Range<usize>, emit: impl FnMut(usize, Option<FaceBars<T>>)) {
         dispatch::<T, _>(Walk { direct: self, slots, emit });
     }
 
@@ -151,6 +148,38 @@ impl<T: Scalar> DirectGradients<'_, T> {
             first += PARTS;
         }
         [r, g, b, parts.map(add_up)]
+    }
+}
+
+/// The gradients that those of faces are added to.
+struct VertexSums<'a, 'b, T, A> {
+    direct: &'a DirectGradients<'b, T>,
+    clip_bar: &'a mut [[T; 4]],
+    attributes_bar: Option<&'a mut [[T; 3]]>,
+    /// See [`DirectGradients::add_to`].
+    add_attributes: A,
+    left_out: Vec<usize>,
+}
+
+impl<T: Scalar, A: Fn(&mut [T], usize)> VertexSums<'_, '_, T, A> {
+    /// Adds those of the face of `slot`, or leaves it out.
+    #[inline(always)]
+    fn add(&mut self, slot: usize, bars: Option<FaceBars<T>>) {
+        let Self { direct, clip_bar, attributes_bar, add_attributes, left_out } = self;
+        let Some(bars) = bars else {
+            if let Some(attributes_bar) = attributes_bar {
+                add_attributes(attributes_bar.as_flattened_mut(), slot);
+            }
+            return left_out.push(slot);
+        };
+        let face = direct.coverage.centers.face(slot);
+        // Not by `map`, which would be a call.
+        let [p, q, r] = bars.clip;
+        let row = |[x, y, w]: [T; 3]| [x, y, T::ZERO, w];
+        add_rows(clip_bar, direct.coverage.mesh().faces()[face], &[row(p), row(q), row(r)]);
+        if let Some(attributes_bar) = attributes_bar {
+            add_rows(attributes_bar, direct.indices.faces()[face], &bars.attributes);
+        }
     }
 }
 
@@ -222,15 +251,15 @@ fn add_up<S: Scalar>(parts: [S; PARTS]) -> S {
 struct Walk<'a, 'b, T, E> {
     direct: &'a DirectGradients<'b, T>,
     slots: Range<usize>,
-    emit: &'a mut E,
+    emit: E,
 }
 
-impl<T: Scalar, E: FnMut(usize, Option<&FaceBars<T>>)> pulp::WithSimd for Walk<'_, '_, T, E> {
+impl<T: Scalar, E: FnMut(usize, Option<FaceBars<T>>)> pulp::WithSimd for Walk<'_, '_, T, E> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { direct, slots, emit } = self;
+        let Self { direct, slots, mut emit } = self;
         let mut group = Group::new();
         let Range { start: mut first, end } = slots;
         while first < end {
@@ -240,7 +269,7 @@ impl<T: Scalar, E: FnMut(usize, Option<&FaceBars<T>>)> pulp::WithSimd for Walk<'
             }
             group.work_out(direct.coverage.size);
             for lane in 0..count {
-                emit(first + lane, group.bars(lane).as_ref());
+                emit(first + lane, group.bars(lane));
             }
             first += LANES;
         }

@@ -47,6 +47,7 @@ pub(crate) fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S
 }
 
 /// The depth z / w of a face at the centre of the pixel of a row and a column.
+#[inline(always)]
 pub(crate) fn depth_at<S: Scalar<Wide = S>>(
     vertices: &[Vertex<S>; 3],
     [row, column]: [u32; 2],

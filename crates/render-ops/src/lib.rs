@@ -82,6 +82,7 @@ mod face_normals;
 mod face_quotients;
 mod face_sums;
 mod facet;
+mod fetch;
 mod filter;
 #[cfg(test)]
 mod fixtures;

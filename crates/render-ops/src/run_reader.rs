@@ -8,12 +8,20 @@ pub(crate) const NO_FACE: u32 = u32::MAX;
 /// Stands for "not seen".
 pub(crate) const NO_SLOT: u32 = u32::MAX;
 
+/// Where a run starts.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RunStart {
+    pub(crate) pixel: u32,
+    /// The index of the run.
+    pub(crate) run: u32,
+}
+
 /// What is seen in a band, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
 pub(crate) struct BandRuns {
     pub(crate) runs: Runs,
-    /// The indices of the runs in the order of their pixels.
-    pub(crate) by_pixel: Vec<u32>,
+    /// The runs in the order of their pixels.
+    pub(crate) by_pixel: Vec<RunStart>,
     /// Where in `by_pixel` each row starts.
     pub(crate) row_starts: Vec<u32>,
     /// The pixels that are covered, as ranges.
@@ -121,11 +129,11 @@ impl RunReader {
         }));
         // Whatever they held, since each is written.
         sorted.resize(read.len(), Run::default());
-        by_pixel.resize(read.len(), 0);
-        for (run, index) in read.iter().zip(by_pixel) {
+        by_pixel.resize(read.len(), RunStart::default());
+        for (run, start) in read.iter().zip(by_pixel) {
             let position = &mut places[run.slot as usize];
             sorted[*position as usize] = *run;
-            *index = *position;
+            *start = RunStart { pixel: run.pixel, run: *position };
             *position += 1;
         }
         // In this order a face's fragments in the band lie side by side.

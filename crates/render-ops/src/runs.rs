@@ -164,6 +164,16 @@ impl Runs {
         }
     }
 
+    /// The rows of the bands of some neighbouring slots.
+    pub(crate) fn rows_of(&self, slots: Range<usize>, size: Size) -> Range<usize> {
+        if slots.is_empty() {
+            return 0..0;
+        }
+        let rows = rows_per_band(size);
+        let band = |slot| self.first_pixel_of(slot) / (rows * size.width);
+        band(slots.start) * rows..((band(slots.end - 1) + 1) * rows).min(size.height)
+    }
+
     /// The first pixel of slot `slot`.
     #[inline(always)]
     pub(crate) fn first_pixel_of(&self, slot: usize) -> usize {

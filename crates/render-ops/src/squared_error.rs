@@ -15,6 +15,7 @@ use bokashi_core::parallel::join;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use crate::coverage::Coverage;
+use crate::fetch::fetch_all;
 use crate::picture::Picture;
 use crate::pixel_loss::PixelLoss;
 
@@ -66,6 +67,22 @@ fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
     }
 }
 
+/// Reads the rows of a band of the reference image in their order, which memory foretells, where runs are short: run by
+/// run, face by face, each would be waited for.
+#[inline(always)]
+fn fetch_reference<T: Scalar>(coverage: &Coverage, slots: Range<usize>, reference: &[T], channels: usize) {
+    let runs = &coverage.centers;
+    if runs.fragments_of(slots.clone()).len() > SHORT * runs.in_slots(slots.clone()).len() {
+        return;
+    }
+    for pixels in coverage.pixels_by_row(slots) {
+        fetch_all(&reference[pixels.start * channels..pixels.end * channels], |&entry| entry);
+    }
+}
+
+/// Pixels of a run that lie in some cache lines: after these, memory foretells the rest.
+const SHORT: usize = 16;
+
 /// Partial sums, so that additions overlap.
 const PARTS: usize = 16;
 
@@ -114,6 +131,7 @@ impl<T: Scalar> SquaredError<T> {
             crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
+                    fetch_reference(coverage, slots.clone(), reference, channels);
                     let mut start = 0;
                     for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;

@@ -7,7 +7,7 @@ use bokashi_core::parallel::{for_each_zipped_mut, is_shared, join, merge_each};
 use bokashi_core::{Accumulators, Kept, Scalar};
 
 use super::discontinuity::Blend;
-use super::search::{Found, LINES, MISSING, Search};
+use super::search::{Candidate, Found, LINES, MISSING, Search};
 use super::sorting::Sorting;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
@@ -40,6 +40,7 @@ pub(super) struct SavedBlends<T: Scalar> {
     /// Memory: what is found at all silhouettes, and at those of a band.
     found: Vec<Found<T::Wide>>,
     lists: Workbench<Vec<Found<T::Wide>>>,
+    candidates: Workbench<Vec<Candidate<T::Wide>>>,
     /// Memory: the order of what is found.
     order: Sorting,
 }
@@ -69,8 +70,8 @@ const BLENDS_TO_DIVIDE: usize = 1 << 12;
 impl<T: Scalar> SavedBlends<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     pub(super) fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, found, lists, order, .. } = self;
-        let (view, centers) = (Search { coverage, clip }, &coverage.centers);
+        let Self { blends, rows, found, lists, candidates, order, .. } = self;
+        let (view, centers) = (Search { coverage, clip, candidates }, &coverage.centers);
         found.clear();
         if centers.is_shared() {
             let work = |slots: Range<usize>, _: usize, _: &mut [T]| {
@@ -83,7 +84,8 @@ impl<T: Scalar> SavedBlends<T> {
                 lists.put_back(of_band);
             });
         } else {
-            view.find(0..centers.slots.len(), found);
+            (0..centers.bands())
+                .for_each(|band| view.find(centers.slots_of(band..band + 1), found));
         }
         let Size { width, height } = coverage.size();
         order.start(found.len());
@@ -268,6 +270,8 @@ impl<T: Scalar> SavedBlends<T> {
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let bars = bars;
                 with_channels(
                     channels,
                     #[inline(always)]
@@ -424,6 +428,7 @@ impl<T: Scalar> SavedBlends<T> {
             + size_of_val(self.joint.as_slice())
             + size_of_val(self.found.as_slice())
             + self.lists.bytes()
+            + self.candidates.bytes()
     }
 
     /// The ranges of what is blended at pixels with several blends, from the aliased values `out`.

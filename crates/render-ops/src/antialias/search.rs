@@ -9,7 +9,8 @@ use super::pairs::Pair;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::depth_at;
-use crate::runs::Run;
+use crate::fetch::{AT_ONCE, fetch, is_large};
+use crate::scratch::Workbench;
 
 /// A blend, and what it is found with.
 #[derive(Debug, Clone, Copy)]
@@ -28,39 +29,80 @@ pub(super) const LINES: usize = 3;
 /// The row of an uncovered pixel, as long as not all of them are known.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// What is drawn.
+/// A blend by a face, if the other pixel sees no other face, or a farther one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate<S> {
+    blend: Blend<S>,
+    pair: Pair,
+    face: u32,
+    fragment: u32,
+    /// The face's depth at its pixel.
+    depth: S,
+    /// The run of the other pixel, if it sees a face, and that face's depth there.
+    other: Option<u32>,
+    other_depth: S,
+}
+
+/// What is drawn, and memory.
 pub(super) struct Search<'a, T: Scalar> {
     pub(super) coverage: &'a Coverage,
     pub(super) clip: &'a [T],
+    pub(super) candidates: &'a Workbench<Vec<Candidate<T::Wide>>>,
 }
 
 impl<T: Scalar> Search<'_, T> {
-    /// Finds the blends by the faces of some slots.
+    /// Finds the blends by the faces of the slots of a band.
     pub(super) fn find(&self, slots: Range<usize>, found: &mut Vec<Found<T::Wide>>) {
+        let mut candidates = self.candidates.take();
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                for slot in slots {
-                    let face = self.coverage.centers.face(slot);
-                    let silhouettes = self.coverage.silhouettes_of(face);
-                    if silhouettes != 0 {
-                        self.find_by_face(slot, face, silhouettes, found);
+                self.coverage.fetch_runs(slots.clone());
+                // Moved, so that the closure can run only once and is inlined here.
+                let (end, starts) = (slots.end, slots.step_by(AT_ONCE));
+                for start in starts {
+                    candidates.clear();
+                    self.find_candidates(start..end.min(start + AT_ONCE), &mut candidates);
+                    self.find_others(&mut candidates);
+                    for candidate in &candidates {
+                        self.blend_in_front(candidate, found);
                     }
                 }
             },
         );
+        self.candidates.put_back(candidates);
     }
 
-    /// Finds the blends by a face with silhouettes.
+    /// Finds the candidates by the faces of at most [`AT_ONCE`] slots.
+    #[inline(always)]
+    fn find_candidates(&self, slots: Range<usize>, candidates: &mut Vec<Candidate<T::Wide>>) {
+        // Without a branch, which nobody could foretell.
+        let (mut folded, mut count) = ([(0, 0); AT_ONCE], 0);
+        let coverage = self.coverage;
+        if is_large(coverage.mesh().faces()) {
+            let adjacency = coverage.mesh().adjacency();
+            slots.clone().for_each(|slot| fetch(adjacency.neighbors(coverage.centers.face(slot))[1]));
+        }
+        for slot in slots {
+            let silhouettes = coverage.silhouettes_of(coverage.centers.face(slot));
+            folded[count] = (slot, silhouettes);
+            count += usize::from(silhouettes != 0);
+        }
+        for &(slot, silhouettes) in &folded[..count] {
+            self.find_by_face(slot, silhouettes, candidates);
+        }
+    }
+
+    /// Finds the candidates by a face with silhouettes.
     #[inline(always)]
     fn find_by_face(
         &self,
         slot: usize,
-        face: usize,
         silhouettes: u8,
-        found: &mut Vec<Found<T::Wide>>,
+        candidates: &mut Vec<Candidate<T::Wide>>,
     ) {
         let size = self.coverage.size();
+        let face = self.coverage.centers.face(slot);
         let indices = self.coverage.mesh().faces()[face];
         let silhouette_face = SilhouetteFace::new(self.clip, indices, silhouettes, size);
         let runs = self.coverage.centers.in_slot(slot);
@@ -78,14 +120,16 @@ impl<T: Scalar> Search<'_, T> {
                         #[inline(always)]
                         |pair| {
                             if let Some(blend) = silhouette_face.blend(corner, &pair, size) {
-                                let fragment = run.fragment + pair.covered_pixel()[1] - first;
-                                found.extend(self.blend_in_front(
-                                    &silhouette_face,
-                                    face,
-                                    fragment,
+                                let covered = pair.covered_pixel();
+                                candidates.push(Candidate {
                                     pair,
                                     blend,
-                                ));
+                                    face: face as u32,
+                                    fragment: run.fragment + covered[1] - first,
+                                    depth: depth_at(&silhouette_face.vertices, covered, size),
+                                    other: None,
+                                    other_depth: T::Wide::ZERO,
+                                });
                             }
                         },
                     );
@@ -94,37 +138,41 @@ impl<T: Scalar> Search<'_, T> {
         );
     }
 
-    /// A blend by a face at a pair, if the other pixel sees no other face, or a farther one. Of faces
-    /// that are as near the blend is by the first pixel's.
+    /// Finds what the other pixels see.
     #[inline(always)]
-    fn blend_in_front(
-        &self,
-        silhouette_face: &SilhouetteFace<T::Wide>,
-        face: usize,
-        fragment: u32,
-        pair: Pair,
-        blend: Blend<T::Wide>,
-    ) -> Option<Found<T::Wide>> {
+    fn find_others(&self, candidates: &mut [Candidate<T::Wide>]) {
         let (coverage, size) = (self.coverage, self.coverage.size());
-        let [row, column] = pair.other_pixel();
+        // First by themselves: they wait for memory, but not for each other.
+        for candidate in &mut *candidates {
+            let [row, column] = candidate.pair.other_pixel();
+            candidate.other = coverage.run_in_row(row as usize, column);
+        }
+        for candidate in candidates {
+            let Some(run) = candidate.other else { continue };
+            let face = coverage.centers.face_of(&coverage.centers.runs[run as usize]);
+            let vertices = SilhouetteFace::corners(self.clip, coverage.mesh().faces()[face], size);
+            candidate.other_depth = depth_at(&vertices, candidate.pair.other_pixel(), size);
+        }
+    }
+
+    /// Adds the blend of a candidate, if its other pixel sees no other face, or a farther one. Of faces that are as near
+    /// the blend is by the first pixel's.
+    #[inline(always)]
+    fn blend_in_front(&self, candidate: &Candidate<T::Wide>, found: &mut Vec<Found<T::Wide>>) {
+        let (coverage, width) = (self.coverage, self.coverage.size().width as u32);
+        let Candidate { blend, pair, face, fragment, depth, other, other_depth } = candidate;
         let mut other_fragment = MISSING;
         let mut is_outlined = false;
-        if let Some(run) = coverage.run_in_row(row as usize, column) {
+        if let Some(run) = *other {
+            let run = &coverage.centers.runs[run as usize];
             let other = coverage.centers.face_of(run);
-            if other == face {
-                return None;
-            }
-            let indices = coverage.mesh().faces()[other];
-            let vertices = SilhouetteFace::corners(self.clip, indices, size);
-            let own_depth = depth_at(&silhouette_face.vertices, pair.covered_pixel(), size);
-            let other_depth = depth_at(&vertices, pair.other_pixel(), size);
-            let (is_nearer, is_farther) = (own_depth < other_depth, other_depth < own_depth);
+            let (is_nearer, is_farther) = (depth < other_depth, other_depth < depth);
             let is_behind = if pair.covers_first { is_farther } else { !is_nearer };
-            if is_behind {
-                return None;
+            if is_behind || other == *face as usize {
+                return;
             }
-            let Run { pixel, fragment, .. } = *run;
-            other_fragment = fragment + (row * size.width as u32 + column - pixel);
+            let [row, column] = pair.other_pixel();
+            other_fragment = run.fragment + (row * width + column - run.pixel);
             is_outlined = coverage.silhouettes_of(other) != 0;
         }
         // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
@@ -135,8 +183,8 @@ impl<T: Scalar> Search<'_, T> {
             true => 2,
         };
         let (line, column) = (LINES as u32 * pair.row + kind, pair.column);
-        let fragments = [fragment, other_fragment];
-        let fragments = if pair.covers_first { fragments } else { [other_fragment, fragment] };
-        Some(Found { line, column, blend, fragments })
+        let fragments = [*fragment, other_fragment];
+        let fragments = if pair.covers_first { fragments } else { [other_fragment, *fragment] };
+        found.push(Found { line, column, blend: *blend, fragments });
     }
 }

@@ -88,20 +88,13 @@ impl Verdict {
 }
 
 impl Boxes {
-    /// On the `k`-th of the faces, if single precision decides it.
+    /// The `k`-th of the faces is drawn.
     #[inline(always)]
-    fn verdict(&self, k: usize, cull: Cull) -> Option<Verdict> {
-        let orientation = self.orientations[k] as i8;
-        if orientation == 0 {
-            return None;
-        }
-        let is_hidden = is_turned_away(orientation, cull);
+    fn drawn(&self, k: usize) -> Fate {
         let [columns, rows] = [&self.columns, &self.rows].map(|[first, last]| {
             if first[k] <= last[k] { [first[k] as u32, last[k] as u32] } else { [1, 0] }
         });
-        let fate = if is_hidden { Fate::Facing } else { Fate::Drawn { columns, rows } };
-        let orientation = if is_hidden { 0 } else { orientation };
-        Some(Verdict { orientation, reaches_behind: false, fate })
+        Fate::Drawn { columns, rows }
     }
 }
 
@@ -139,10 +132,17 @@ impl<S: Scalar<Wide = S>> pulp::WithSimd for Judge<'_, S> {
             let eight = std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
             let boxes = filter.boxes(&Octet::gather(records, eight), options.size, margin);
             for (k, (&face, verdict)) in faces.iter().zip(verdicts).enumerate() {
-                *verdict = boxes.verdict(k, options.cull).unwrap_or_else(|| {
+                let orientation = boxes.orientations[k] as i8;
+                // Each is written where it stays: out of a copy that was written in pieces it would be read as a whole,
+                // and wait for all of them.
+                if orientation == 0 {
                     let of_face = face.map(|vertex| &corners[vertex as usize]);
-                    Verdict::from_corners(of_face, face, options, most_noise)
-                });
+                    *verdict = Verdict::from_corners(of_face, face, options, most_noise);
+                } else if is_turned_away(orientation, options.cull) {
+                    *verdict = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Facing };
+                } else {
+                    *verdict = Verdict { orientation, reaches_behind: false, fate: boxes.drawn(k) };
+                }
             }
         }
     }
