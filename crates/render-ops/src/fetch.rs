@@ -12,14 +12,6 @@ pub(crate) const AT_ONCE: usize = 32;
 /// Meshes of fewer faces stay in a core's cache, and nothing of them is fetched.
 const MANY_FACES: usize = 1 << 14;
 
-/// Reads the rows of a face's vertices.
-#[inline(always)]
-pub(crate) fn fetch_rows<T: Copy>(faces: &[[u32; 3]], face: usize, rows: &[T], width: usize) {
-    if is_large(faces) {
-        faces[face].iter().for_each(|&vertex| fetch(rows[vertex as usize * width]));
-    }
-}
-
 /// Whether what is known of these faces is worth fetching.
 #[inline(always)]
 pub(crate) fn is_large(faces: &[[u32; 3]]) -> bool {
