@@ -12,6 +12,7 @@
 //! integral: where a corner came from does not matter. Along a side from p to q (1, x, y) is
 //! `(1 - u) (1, p) + u (1, q)` at the share u. So the integrals of `(1 - u) g` and of `u g` du are enough.
 
+use std::num::NonZeroU32;
 use std::ops::Range;
 
 use bokashi_core::Scalar;
@@ -57,7 +58,8 @@ struct Corner<S> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Polygon {
     first: u32,
-    count: u32,
+    /// Not 0, so that a polygon that may be missing fits into a register, too.
+    count: NonZeroU32,
 }
 
 /// Convex polygons, the corners of all of them side by side: they are cut often and never change.
@@ -131,7 +133,7 @@ impl<S: Scalar> Polygons<S> {
     #[inline(always)]
     fn range(&self, Polygon { first, count }: Polygon) -> Range<usize> {
         let first = first as usize;
-        let end = first + count as usize;
+        let end = first + count.get() as usize;
         debug_assert!(end <= self.len, "this polygon has been forgotten");
         first..end
     }
@@ -170,7 +172,8 @@ impl<S: Scalar> Polygons<S> {
     /// The polygon of these corners.
     fn add(&mut self, corners: impl ExactSizeIterator<Item = Corner<S>>) -> Polygon {
         self.reserve(corners.len());
-        let (first, count) = (self.len as u32, corners.len() as u32);
+        let first = self.len as u32;
+        let count = NonZeroU32::new(corners.len() as u32).expect("a polygon has corners");
         for corner in corners {
             self.corners[self.len] = corner;
             self.len += 1;
@@ -326,9 +329,7 @@ impl<S: Scalar> Polygons<S> {
         if enters {
             new[at] = Corner { point: crossing(before, first), bound: corners[before].bound };
         }
-        let part = Polygon { first: self.len as u32, count: total as u32 };
-        self.len += total;
-        (total > 2).then_some(part)
+        self.end_part(total)
     }
 
     /// [`Self::part`] of any corners, one after another.
@@ -366,9 +367,16 @@ impl<S: Scalar> Polygons<S> {
                 add(point, if a > S::ZERO { cut } else { bound });
             }
         }
-        let part = Polygon { first: self.len as u32, count: total as u32 };
-        self.len += total;
-        (total > 2).then_some(part)
+        self.end_part(total)
+    }
+
+    /// The polygon of so many corners, which were written behind all others; none of less than three.
+    #[inline(always)]
+    fn end_part(&mut self, corners: usize) -> Option<Polygon> {
+        let first = self.len as u32;
+        self.len += corners;
+        let count = NonZeroU32::new(corners as u32).filter(|count| count.get() > 2)?;
+        Some(Polygon { first, count })
     }
 
     #[inline(always)]
