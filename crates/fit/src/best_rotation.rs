@@ -39,27 +39,26 @@ fn eigenpairs(mut a: Square) -> ([f64; 4], Square) {
         if off <= SMALL {
             break;
         }
-        for p in 0..3 {
-            for q in p + 1..4 {
-                if a[p][q] == 0.0 {
-                    continue;
-                }
-                // The rotation in the plane of p and q that makes this entry 0.
-                let half = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let root = (half * half + 1.0).sqrt();
-                let tangent = if half < 0.0 { -1.0 / (root - half) } else { 1.0 / (root + half) };
-                let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
-                let sine = tangent * cosine;
-                let turn = |x: f64, y: f64| [cosine * x - sine * y, sine * x + cosine * y];
-                for k in 0..4 {
-                    [a[k][p], a[k][q]] = turn(a[k][p], a[k][q]);
-                }
-                for k in 0..4 {
-                    [a[p][k], a[q][k]] = turn(a[p][k], a[q][k]);
-                    [vectors[p][k], vectors[q][k]] = turn(vectors[p][k], vectors[q][k]);
-                }
-                (a[p][q], a[q][p]) = (0.0, 0.0);
+        // Planes that share no axis come after each other, so that a processor works on two rotations at a time.
+        for [p, q] in [[0, 1], [2, 3], [0, 2], [1, 3], [0, 3], [1, 2]] {
+            if a[p][q] == 0.0 {
+                continue;
             }
+            // The rotation in the plane of p and q that makes this entry 0.
+            let half = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+            let root = (half * half + 1.0).sqrt();
+            let tangent = if half < 0.0 { -1.0 / (root - half) } else { 1.0 / (root + half) };
+            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
+            let sine = tangent * cosine;
+            let turn = |x: f64, y: f64| [cosine * x - sine * y, sine * x + cosine * y];
+            for k in 0..4 {
+                [a[k][p], a[k][q]] = turn(a[k][p], a[k][q]);
+            }
+            for k in 0..4 {
+                [a[p][k], a[q][k]] = turn(a[p][k], a[q][k]);
+                [vectors[p][k], vectors[q][k]] = turn(vectors[p][k], vectors[q][k]);
+            }
+            (a[p][q], a[q][p]) = (0.0, 0.0);
         }
     }
     (from_fn(|k| a[k][k]), vectors)

@@ -10,8 +10,8 @@ use bokashi_core::{Scalar, TensorError};
 
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
-use crate::mesh::Mesh;
 use crate::fetch::fetch_all;
+use crate::mesh::Mesh;
 use crate::run_reader::{BandRuns, RunReader, RunStart};
 use crate::runs::{Run, Runs, rows_per_band};
 use crate::size::Size;

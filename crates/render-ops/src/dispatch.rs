@@ -38,12 +38,37 @@ pub(crate) fn dispatch_256<T: Scalar, W: WithSimd>(work: W) -> W::Output {
     dispatch::<T, W>(work)
 }
 
+/// [`dispatch`] of a closure.
+#[inline(always)]
+pub(crate) fn vectorize<T: Scalar, R>(work: impl FnMut() -> R) -> R {
+    dispatch::<T, _>(Closure(work))
+}
+
+/// [`dispatch_256`] of a closure.
+#[inline(always)]
+pub(crate) fn vectorize_256<T: Scalar, R>(work: impl FnMut() -> R) -> R {
+    dispatch_256::<T, _>(Closure(work))
+}
+
+/// A closure that is called by reference. By value, what can be called more than once is called through a function that is
+/// compiled for no vectors.
+struct Closure<F>(F);
+
+impl<R, F: FnMut() -> R> WithSimd for Closure<F> {
+    type Output = R;
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(mut self, _: V) -> R {
+        (self.0)()
+    }
+}
+
 /// Runs `special` on `work` with vectors of up to 256 bits. Where the processor has none of numbers `T`, it runs
 /// `general`, which gives the same numbers: one form is compiled there, and not each of the special ones.
 #[inline(always)]
 pub(crate) fn dispatch_special<T: Scalar, A, O>(
     work: A,
-    special: impl FnOnce(A) -> O,
+    mut special: impl FnMut(A) -> O,
     general: impl FnOnce(A) -> O,
 ) -> O {
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

@@ -70,7 +70,12 @@ fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
 /// Reads the rows of a band of the reference image in their order, which memory foretells, where runs are short: run by
 /// run, face by face, each would be waited for.
 #[inline(always)]
-fn fetch_reference<T: Scalar>(coverage: &Coverage, slots: Range<usize>, reference: &[T], channels: usize) {
+fn fetch_reference<T: Scalar>(
+    coverage: &Coverage,
+    slots: Range<usize>,
+    reference: &[T],
+    channels: usize,
+) {
     let runs = &coverage.centers;
     if runs.fragments_of(slots.clone()).len() > SHORT * runs.in_slots(slots.clone()).len() {
         return;
@@ -128,12 +133,12 @@ impl<T: Scalar> SquaredError<T> {
         let mut total = T::Wide::ZERO;
         let work = |slots: Range<usize>, first: usize, covered: &mut [T]| {
             let x = &x_covered[first * channels..][..covered.len()];
-            crate::dispatch::dispatch::<T, _>(
+            crate::dispatch::vectorize::<T, _>(
                 #[inline(always)]
                 || {
                     fetch_reference(coverage, slots.clone(), reference, channels);
                     let mut start = 0;
-                    for run in runs.in_slots(slots) {
+                    for run in runs.in_slots(slots.clone()) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
                         subtract(length, &mut covered[start..], &x[start..], reference);

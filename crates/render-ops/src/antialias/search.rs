@@ -7,7 +7,7 @@ use bokashi_core::Scalar;
 use super::discontinuity::{Blend, SilhouetteFace};
 use super::pairs::Pair;
 use crate::coverage::Coverage;
-use crate::dispatch::dispatch_256;
+use crate::dispatch::vectorize_256;
 use crate::edge_functions::depth_at;
 use crate::fetch::{AT_ONCE, fetch, is_large};
 use crate::scratch::Workbench;
@@ -54,12 +54,11 @@ impl<T: Scalar> Search<'_, T> {
     /// Finds the blends by the faces of the slots of a band.
     pub(super) fn find(&self, slots: Range<usize>, found: &mut Vec<Found<T::Wide>>) {
         let mut candidates = self.candidates.take();
-        dispatch_256::<T, _>(
+        vectorize_256::<T, _>(
             #[inline(always)]
             || {
                 self.coverage.fetch_runs(slots.clone());
-                // Moved, so that the closure can run only once and is inlined here.
-                let (end, starts) = (slots.end, slots.step_by(AT_ONCE));
+                let (end, starts) = (slots.end, slots.clone().step_by(AT_ONCE));
                 for start in starts {
                     candidates.clear();
                     self.find_candidates(start..end.min(start + AT_ONCE), &mut candidates);
@@ -81,7 +80,9 @@ impl<T: Scalar> Search<'_, T> {
         let coverage = self.coverage;
         if is_large(coverage.mesh().faces()) {
             let adjacency = coverage.mesh().adjacency();
-            slots.clone().for_each(|slot| fetch(adjacency.neighbors(coverage.centers.face(slot))[1]));
+            slots
+                .clone()
+                .for_each(|slot| fetch(adjacency.neighbors(coverage.centers.face(slot))[1]));
         }
         for slot in slots {
             let silhouettes = coverage.silhouettes_of(coverage.centers.face(slot));
@@ -95,12 +96,7 @@ impl<T: Scalar> Search<'_, T> {
 
     /// Finds the candidates by a face with silhouettes.
     #[inline(always)]
-    fn find_by_face(
-        &self,
-        slot: usize,
-        silhouettes: u8,
-        candidates: &mut Vec<Candidate<T::Wide>>,
-    ) {
+    fn find_by_face(&self, slot: usize, silhouettes: u8, candidates: &mut Vec<Candidate<T::Wide>>) {
         let size = self.coverage.size();
         let face = self.coverage.centers.face(slot);
         let indices = self.coverage.mesh().faces()[face];

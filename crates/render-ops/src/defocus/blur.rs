@@ -239,11 +239,11 @@ impl Blur<'_> {
                 (row * stride + column, S::from_f64(look_up.weight))
             }));
             let added = if is_direct { 0 } else { rows.len() + 2 * reach };
-            let work = Sums { sums, look_ups, stride, added };
-            let out = Target { values: out, width, first, length: strip.len() };
-            crate::dispatch::dispatch_256::<S, _>(
+            let mut work = Sums { sums, look_ups, stride, added };
+            let mut out = Target { values: out, width, first, length: strip.len() };
+            crate::dispatch::vectorize_256::<S, _>(
                 #[inline(always)]
-                || work.run(out),
+                || work.run(&mut out),
             );
         }
     }
@@ -319,8 +319,9 @@ struct Target<'a, T> {
 
 impl<T: Scalar> Sums<'_, T> {
     #[inline(always)]
-    fn run(self, target: Target<'_, T>) {
+    fn run(&mut self, target: &mut Target<'_, T>) {
         let Self { sums, look_ups, stride, added } = self;
+        let (stride, added) = (*stride, *added);
         for row in 0..added {
             let (before, after) = sums.split_at_mut((row + 1) * stride);
             let (before, after) = (&before[row * stride..], &mut after[..stride]);
@@ -329,12 +330,13 @@ impl<T: Scalar> Sums<'_, T> {
             }
         }
         let Target { values, width, first, length } = target;
+        let (width, first, length) = (*width, *first, *length);
         for (row, out) in values.chunks_exact_mut(width).enumerate() {
             let out = &mut out[first..first + length];
             for (k, out) in out.chunks_mut(BLOCK).enumerate() {
                 let start = row * stride + k * BLOCK;
                 let mut sum = [T::ZERO; BLOCK];
-                for &(offset, weight) in look_ups {
+                for &(offset, weight) in look_ups.iter() {
                     let entries = &sums[start + offset..start + offset + BLOCK];
                     let entries: &[T; BLOCK] = entries.try_into().expect("a block");
                     for i in 0..BLOCK {

@@ -127,7 +127,7 @@ impl<T: Scalar> Passes<'_, T> {
                 let rows = frame.rows(band);
                 *fault = view.for_each_shown(rows.clone(), row, parts, |shown| match shown {
                     Shown::Span(span) => {
-                        crate::dispatch::dispatch_256::<T, _>(
+                        crate::dispatch::vectorize_256::<T, _>(
                             #[inline(always)]
                             || add_piece(piece, self.fill_span(view, &rows, &span, lines, strips)),
                         );
@@ -328,7 +328,7 @@ impl<T: Scalar> Passes<'_, T> {
             }
             let rungs = RungBars { blurs, frame, at_rungs };
             view.for_each_shown(rows, row, parts, |shown| match shown {
-                Shown::Span(span) => crate::dispatch::dispatch_256::<T, _>(
+                Shown::Span(span) => crate::dispatch::vectorize_256::<T, _>(
                     #[inline(always)]
                     || found.add_span(rungs, view, &span, lines),
                 ),

@@ -139,7 +139,8 @@ impl<S: Scalar<Wide = S>> pulp::WithSimd for Judge<'_, S> {
                     let of_face = face.map(|vertex| &corners[vertex as usize]);
                     *verdict = Verdict::from_corners(of_face, face, options, most_noise);
                 } else if is_turned_away(orientation, options.cull) {
-                    *verdict = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Facing };
+                    *verdict =
+                        Verdict { orientation: 0, reaches_behind: false, fate: Fate::Facing };
                 } else {
                     *verdict = Verdict { orientation, reaches_behind: false, fate: boxes.drawn(k) };
                 }

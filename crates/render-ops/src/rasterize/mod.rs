@@ -418,7 +418,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         for (layer, coverage) in layers.iter().enumerate().rev() {
             let Some(uv_bar) = kept.upstream(layer) else { continue };
             // Vertices have mostly got theirs directly: see `direct_gradients`.
-            if uv_bar[..2 * coverage.centers()].iter().all(|&bar| bar.is_same(T::ZERO)) {
+            if are_zero(&uv_bar[..2 * coverage.centers()]) {
                 // All zeros, where nothing else is there.
                 clip_bar.entries();
                 continue;
@@ -435,4 +435,9 @@ impl<T: Scalar> Op<T> for Rasterize {
         let lists = saved.rows.bytes();
         saved.layers.iter().map(|coverage| coverage.bytes()).sum::<usize>() + pieces + lists
     }
+}
+
+/// Whether all numbers are 0: some of them are looked at before a branch, so that the compiler makes vectors.
+fn are_zero<T: Scalar>(numbers: &[T]) -> bool {
+    numbers.chunks(64).all(|some| some.iter().fold(true, |all, it| all & it.is_same(T::ZERO)))
 }

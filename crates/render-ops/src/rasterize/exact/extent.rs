@@ -171,7 +171,6 @@ impl<S: Scalar> Sums<S> {
 
     /// Of a fan whatever t is, at least `floor`: 1 at its middle, with this gradient. What is smaller
     /// than `least` takes its place.
-    #[inline(never)]
     fn steep<const SPREADS: bool>(
         fan: impl Iterator<Item = Triangle<S>>,
         [g_x, g_y]: [S; 2],
@@ -297,12 +296,30 @@ impl<S: Scalar> Spread<S> {
         let t = value_at(self.t, corner).maximum_or_nan(self.floor());
         let inverse = S::ONE / t;
         let slopes = [inverse * self.t[1], inverse * self.t[2]];
-        let sums = Sums::mild::<SPREADS>(fan.clone(), area, slopes).unwrap_or_else(|| {
-            let mut least = S::ONE;
-            let sums = Sums::steep::<SPREADS>(fan, slopes, inverse * self.floor(), &mut least);
-            self.reaches_far |= t * least < S::from_f64(HORIZON) * size(self.t);
-            sums
-        });
+        match Sums::mild::<SPREADS>(fan.clone(), area, slopes) {
+            Some(sums) => self.add::<SPREADS>(corner, [t, inverse], sums),
+            None => self.add_steep_fan::<SPREADS>(corner, fan, [t, inverse], slopes),
+        }
+    }
+
+    /// [`Spread::add_fan`] where t changes much: by itself, so that what is usual stays in registers.
+    #[inline(never)]
+    fn add_steep_fan<const SPREADS: bool>(
+        &mut self,
+        corner: [S; 2],
+        fan: impl Iterator<Item = Triangle<S>>,
+        [t, inverse]: [S; 2],
+        slopes: [S; 2],
+    ) {
+        let mut least = S::ONE;
+        let sums = Sums::steep::<SPREADS>(fan, slopes, inverse * self.floor(), &mut least);
+        self.reaches_far |= t * least < S::from_f64(HORIZON) * size(self.t);
+        self.add::<SPREADS>(corner, [t, inverse], sums);
+    }
+
+    /// Adds sums from a corner, where t and its inverse are these.
+    #[inline(always)]
+    fn add<const SPREADS: bool>(&mut self, corner: [S; 2], [t, inverse]: [S; 2], sums: Sums<S>) {
         match self.origin {
             None => (self.origin, self.sums) = (Some((corner, t)), sums),
             Some((origin, unit)) => {
