@@ -239,12 +239,8 @@ impl Blur<'_> {
                 (row * stride + column, S::from_f64(look_up.weight))
             }));
             let added = if is_direct { 0 } else { rows.len() + 2 * reach };
-            let mut work = Sums { sums, look_ups, stride, added };
-            let mut out = Target { values: out, width, first, length: strip.len() };
-            crate::dispatch::vectorize_256::<S, _>(
-                #[inline(always)]
-                || work.run(&mut out),
-            );
+            let out = Target { values: out, width, first, length: strip.len() };
+            crate::dispatch::dispatch_256::<S, _>(Sums { sums, look_ups, stride, added, out });
         }
     }
 
@@ -307,6 +303,7 @@ struct Sums<'a, T> {
     stride: usize,
     /// To how many rows, from the second one on, those above are to be added.
     added: usize,
+    out: Target<'a, T>,
 }
 
 /// Columns of an image.
@@ -317,11 +314,13 @@ struct Target<'a, T> {
     length: usize,
 }
 
-impl<T: Scalar> Sums<'_, T> {
+/// Not as a closure, which would hold all of it by reference: no loop would be one of vectors.
+impl<T: Scalar> pulp::WithSimd for Sums<'_, T> {
+    type Output = ();
+
     #[inline(always)]
-    fn run(&mut self, target: &mut Target<'_, T>) {
-        let Self { sums, look_ups, stride, added } = self;
-        let (stride, added) = (*stride, *added);
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { sums, look_ups, stride, added, out } = self;
         for row in 0..added {
             let (before, after) = sums.split_at_mut((row + 1) * stride);
             let (before, after) = (&before[row * stride..], &mut after[..stride]);
@@ -329,14 +328,13 @@ impl<T: Scalar> Sums<'_, T> {
                 after[i] += before[i];
             }
         }
-        let Target { values, width, first, length } = target;
-        let (width, first, length) = (*width, *first, *length);
+        let Target { values, width, first, length } = out;
         for (row, out) in values.chunks_exact_mut(width).enumerate() {
             let out = &mut out[first..first + length];
             for (k, out) in out.chunks_mut(BLOCK).enumerate() {
                 let start = row * stride + k * BLOCK;
                 let mut sum = [T::ZERO; BLOCK];
-                for &(offset, weight) in look_ups.iter() {
+                for &(offset, weight) in look_ups {
                     let entries = &sums[start + offset..start + offset + BLOCK];
                     let entries: &[T; BLOCK] = entries.try_into().expect("a block");
                     for i in 0..BLOCK {
