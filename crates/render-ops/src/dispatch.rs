@@ -4,6 +4,9 @@
 //! compile. Where faces have few pixels, and where texels are looked up, the widest one is no faster:
 //! `lab/docs/performance.md` has the figures. Numbers that are not the machine's own, such as dual
 //! ones, have no vectors to gain from: their work is compiled once.
+//!
+//! Work can be a closure that has to be inlined and moves what it changes. One that could run twice is called through a
+//! function of its own, which is compiled for no vectors.
 
 use bokashi_core::Scalar;
 use pulp::{Simd, WithSimd};
@@ -36,31 +39,6 @@ pub(crate) fn dispatch_256<T: Scalar, W: WithSimd>(work: W) -> W::Output {
 #[inline(always)]
 pub(crate) fn dispatch_256<T: Scalar, W: WithSimd>(work: W) -> W::Output {
     dispatch::<T, W>(work)
-}
-
-/// [`dispatch`] of a closure.
-#[inline(always)]
-pub(crate) fn vectorize<T: Scalar, R>(work: impl FnMut() -> R) -> R {
-    dispatch::<T, _>(Closure(work))
-}
-
-/// [`dispatch_256`] of a closure.
-#[inline(always)]
-pub(crate) fn vectorize_256<T: Scalar, R>(work: impl FnMut() -> R) -> R {
-    dispatch_256::<T, _>(Closure(work))
-}
-
-/// A closure that is called by reference. By value, what can be called more than once is called through a function that is
-/// compiled for no vectors.
-struct Closure<F>(F);
-
-impl<R, F: FnMut() -> R> WithSimd for Closure<F> {
-    type Output = R;
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(mut self, _: V) -> R {
-        (self.0)()
-    }
 }
 
 /// Runs `special` on `work` with vectors of up to 256 bits. Where the processor has none of numbers `T`, it runs

@@ -281,12 +281,12 @@ impl Layout<'_> {
         let runs = self.runs;
         let own_width = per(runs.fragments_of(slots.clone()).len(), entries);
         let (mut wide, mut narrow) = memory;
-        crate::dispatch::vectorize::<T, _>(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
                 let (rows, narrow) = (wide.as_mut(), narrow.as_mut());
-                let mut rest = &mut *entries;
-                for slot in slots.clone() {
+                let mut rest = entries;
+                for slot in slots {
                     let fragments = runs.fragments_of(slot..slot + 1);
                     let slot_entries = first_of(&mut rest, own_width * fragments.len());
                     visit(slot, fragments.clone(), slot_entries);

@@ -112,9 +112,11 @@ fn halve<T: Scalar, const N: usize>(
     let length = columns * channels;
     let rows_per_piece = (TEXELS_PER_PIECE / columns).max(1);
     for_each_piece_mut(coarse, rows_per_piece * length, |piece, coarse| {
-        crate::dispatch::vectorize::<T, _>(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let coarse = coarse;
                 let lines = (piece * rows_per_piece..).zip(coarse.chunks_exact_mut(length));
                 for (line, coarse) in lines {
                     let (face, row) = (line / rows, line % rows);
@@ -174,9 +176,11 @@ fn spread<T: Scalar, const N: usize>(
     let length = width * channels;
     let rows_per_piece = (TEXELS_PER_PIECE / width).max(1);
     for_each_piece_mut(fine_bar, rows_per_piece * length, |piece, fine_bar| {
-        crate::dispatch::vectorize::<T, _>(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let fine_bar = fine_bar;
                 if is_fresh {
                     fine_bar.fill(T::ZERO);
                 }

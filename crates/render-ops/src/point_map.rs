@@ -8,7 +8,7 @@
 use bokashi_core::parallel::{for_each_piece_mut, merge_ranges};
 use bokashi_core::{Accumulator, Scalar};
 
-use crate::dispatch::vectorize;
+use crate::dispatch::dispatch;
 use crate::row_map::sum_rows;
 
 /// Points in one piece of work.
@@ -34,10 +34,10 @@ pub(crate) fn map_piece<T: Scalar, const N: usize>(
     out: &mut [[T; N]],
 ) {
     let m = *matrix;
-    vectorize::<T, _>(
+    dispatch::<T, _>(
         #[inline(always)]
         || {
-            for (p, out) in points.iter().zip(&mut *out) {
+            for (p, out) in points.iter().zip(out) {
                 let p = p.map(T::widen);
                 for row in 0..N {
                     let m = m[row];
@@ -57,7 +57,7 @@ pub(crate) fn add_points_bar<T: Scalar, const N: usize>(
     let (m, bars) = (*matrix, bars.as_chunks::<N>().0);
     for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
         let bars = &bars[piece * POINTS_PER_PIECE..];
-        vectorize::<T, _>(
+        dispatch::<T, _>(
             #[inline(always)]
             || {
                 for (p_bar, bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(bars) {
@@ -95,7 +95,7 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
 ) -> [[T::Wide; 4]; N] {
     // By columns: the gradient of a point is a vector of four, which a number multiplies.
     let mut columns = [[T::Wide::ZERO; 4]; 4];
-    vectorize::<T, _>(
+    dispatch::<T, _>(
         #[inline(always)]
         || {
             for (p, bar) in points.iter().zip(bars) {

@@ -248,7 +248,7 @@ fn add_positions_bar<T: Scalar>(
     block: &mut [[T; 3]],
 ) {
     let mut sums = [[T::Wide::ZERO; 3]; POINTS_PER_BLOCK];
-    crate::dispatch::vectorize::<T, _>(
+    crate::dispatch::dispatch::<T, _>(
         #[inline(always)]
         || {
             for (instance, a) in products.iter().enumerate() {

@@ -11,7 +11,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
-use crate::dispatch::vectorize;
+use crate::dispatch::dispatch;
 use crate::size::Size;
 
 /// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
@@ -228,10 +228,10 @@ impl Runs {
         work: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
         self.for_each_band_mut(width, entries, |slots, first, entries| {
-            vectorize::<T, _>(
+            dispatch::<T, _>(
                 #[inline(always)]
                 || {
-                    for slot in slots.clone() {
+                    for slot in slots {
                         let fragments = self.fragments_of(slot..slot + 1);
                         let own =
                             (fragments.start - first) * width..(fragments.end - first) * width;

@@ -133,12 +133,12 @@ impl<T: Scalar> SquaredError<T> {
         let mut total = T::Wide::ZERO;
         let work = |slots: Range<usize>, first: usize, covered: &mut [T]| {
             let x = &x_covered[first * channels..][..covered.len()];
-            crate::dispatch::vectorize::<T, _>(
+            crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
                     fetch_reference(coverage, slots.clone(), reference, channels);
                     let mut start = 0;
-                    for run in runs.in_slots(slots.clone()) {
+                    for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
                         subtract(length, &mut covered[start..], &x[start..], reference);

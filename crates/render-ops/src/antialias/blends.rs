@@ -10,7 +10,7 @@ use super::discontinuity::Blend;
 use super::search::{Candidate, Found, LINES, MISSING, Search};
 use super::sorting::Sorting;
 use crate::coverage::Coverage;
-use crate::dispatch::vectorize_256;
+use crate::dispatch::dispatch_256;
 use crate::face_sums::add_term;
 use crate::scratch::Workbench;
 use crate::size::Size;
@@ -267,9 +267,11 @@ impl<T: Scalar> SavedBlends<T> {
         (clip, size): (&[T], Size),
         bars: &mut [EdgeBars<T>],
     ) {
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let bars = bars;
                 with_channels(
                     channels,
                     #[inline(always)]

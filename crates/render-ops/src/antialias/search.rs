@@ -7,7 +7,7 @@ use bokashi_core::Scalar;
 use super::discontinuity::{Blend, SilhouetteFace};
 use super::pairs::Pair;
 use crate::coverage::Coverage;
-use crate::dispatch::vectorize_256;
+use crate::dispatch::dispatch_256;
 use crate::edge_functions::depth_at;
 use crate::fetch::{AT_ONCE, fetch, is_large};
 use crate::scratch::Workbench;
@@ -54,11 +54,12 @@ impl<T: Scalar> Search<'_, T> {
     /// Finds the blends by the faces of the slots of a band.
     pub(super) fn find(&self, slots: Range<usize>, found: &mut Vec<Found<T::Wide>>) {
         let mut candidates = self.candidates.take();
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
                 self.coverage.fetch_runs(slots.clone());
-                let (end, starts) = (slots.end, slots.clone().step_by(AT_ONCE));
+                // Moved, so that the closure can run only once and is inlined here.
+                let (end, starts) = (slots.end, slots.step_by(AT_ONCE));
                 for start in starts {
                     candidates.clear();
                     self.find_candidates(start..end.min(start + AT_ONCE), &mut candidates);

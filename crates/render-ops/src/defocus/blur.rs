@@ -239,8 +239,12 @@ impl Blur<'_> {
                 (row * stride + column, S::from_f64(look_up.weight))
             }));
             let added = if is_direct { 0 } else { rows.len() + 2 * reach };
+            let work = Sums { sums, look_ups, stride, added };
             let out = Target { values: out, width, first, length: strip.len() };
-            crate::dispatch::dispatch_256::<S, _>(Sums { sums, look_ups, stride, added, out });
+            crate::dispatch::dispatch_256::<S, _>(
+                #[inline(always)]
+                || work.run(out),
+            );
         }
     }
 
@@ -303,7 +307,6 @@ struct Sums<'a, T> {
     stride: usize,
     /// To how many rows, from the second one on, those above are to be added.
     added: usize,
-    out: Target<'a, T>,
 }
 
 /// Columns of an image.
@@ -314,13 +317,10 @@ struct Target<'a, T> {
     length: usize,
 }
 
-/// Not as a closure, which would hold all of it by reference: no loop would be one of vectors.
-impl<T: Scalar> pulp::WithSimd for Sums<'_, T> {
-    type Output = ();
-
+impl<T: Scalar> Sums<'_, T> {
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { sums, look_ups, stride, added, out } = self;
+    fn run(self, target: Target<'_, T>) {
+        let Self { sums, look_ups, stride, added } = self;
         for row in 0..added {
             let (before, after) = sums.split_at_mut((row + 1) * stride);
             let (before, after) = (&before[row * stride..], &mut after[..stride]);
@@ -328,7 +328,7 @@ impl<T: Scalar> pulp::WithSimd for Sums<'_, T> {
                 after[i] += before[i];
             }
         }
-        let Target { values, width, first, length } = out;
+        let Target { values, width, first, length } = target;
         for (row, out) in values.chunks_exact_mut(width).enumerate() {
             let out = &mut out[first..first + length];
             for (k, out) in out.chunks_mut(BLOCK).enumerate() {

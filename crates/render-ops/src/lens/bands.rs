@@ -127,9 +127,13 @@ impl<T: Scalar> Passes<'_, T> {
                 let rows = frame.rows(band);
                 *fault = view.for_each_shown(rows.clone(), row, parts, |shown| match shown {
                     Shown::Span(span) => {
-                        crate::dispatch::vectorize_256::<T, _>(
+                        crate::dispatch::dispatch_256::<T, _>(
                             #[inline(always)]
-                            || add_piece(piece, self.fill_span(view, &rows, &span, lines, strips)),
+                            || {
+                                // Moved, so that the closure can run only once and is inlined here.
+                                let span = span;
+                                add_piece(piece, self.fill_span(view, &rows, &span, lines, strips));
+                            },
                         );
                     }
                     Shown::Pixel(place, parts) => {
@@ -328,9 +332,13 @@ impl<T: Scalar> Passes<'_, T> {
             }
             let rungs = RungBars { blurs, frame, at_rungs };
             view.for_each_shown(rows, row, parts, |shown| match shown {
-                Shown::Span(span) => crate::dispatch::vectorize_256::<T, _>(
+                Shown::Span(span) => crate::dispatch::dispatch_256::<T, _>(
                     #[inline(always)]
-                    || found.add_span(rungs, view, &span, lines),
+                    || {
+                        // Moved, so that the closure can run only once and is inlined here.
+                        let span = span;
+                        found.add_span(rungs, view, &span, lines);
+                    },
                 ),
                 Shown::Pixel(place, parts) => {
                     found.add_pixel(rungs, view, place, parts, link_bars);

@@ -189,9 +189,13 @@ impl<T: Scalar> LensState<T> {
     /// Finds what is seen of the last of `strips`, after those before it; adds its colours to `out`, whose
     /// channels are interleaved.
     pub(super) fn add(&mut self, strips: &[Strip<T>], gaps: &Gaps, channels: usize, out: &mut [T]) {
-        crate::dispatch::vectorize_256::<T, _>(
+        crate::dispatch::dispatch_256::<T, _>(
             #[inline(always)]
-            || self.add_strip(strips, gaps, channels, out),
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let out = out;
+                self.add_strip(strips, gaps, channels, out);
+            },
         );
     }
 
@@ -318,9 +322,13 @@ impl<T: Scalar> LensState<T> {
         out_bar: &[T],
         bars: &mut [Strip<T>],
     ) {
-        crate::dispatch::vectorize_256::<T, _>(
+        crate::dispatch::dispatch_256::<T, _>(
             #[inline(always)]
-            || self.pull_back_strips(strips, gaps, out_bar, bars),
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let bars = bars;
+                self.pull_back_strips(strips, gaps, out_bar, bars);
+            },
         );
     }
 

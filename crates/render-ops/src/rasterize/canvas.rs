@@ -12,7 +12,7 @@ use super::plane::Plane;
 use super::prepared::Prepared;
 use super::setup::Weights;
 use super::spans::RowOfPixels;
-use crate::dispatch::{dispatch_256, vectorize_256};
+use crate::dispatch::dispatch_256;
 use crate::run_reader::{BandRuns, NO_FACE, RunReader};
 use crate::runs::Runs;
 use crate::size::Size;
@@ -244,9 +244,9 @@ impl<T: Scalar> Canvas<T> {
         }
         let Band { pieces, piece_fragments, .. } = band;
         let first = rows.start * view.size.width;
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
-            || search.run(&BandFaces { view, rows: rows.clone(), faces, weights }, pieces),
+            || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
         piece_fragments.sort(pieces, faces, slot_of);
         let Plane { faces: stored, stride, .. } = &mut self.plane;

@@ -21,7 +21,7 @@ use super::filter::{Depths, Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
-use crate::dispatch::{dispatch_256, vectorize_256};
+use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
 use crate::raster_options::RasterOptions;
 use crate::runs::{WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
@@ -101,10 +101,10 @@ impl<T: Scalar> Visibility<T> {
         merge_pieces(
             &mut self.corners,
             |first, corners| {
-                vectorize_256::<T, _>(
+                dispatch_256::<T, _>(
                     #[inline(always)]
                     || {
-                        for (index, corner) in (first as u32..).zip(&mut *corners) {
+                        for (index, corner) in (first as u32..).zip(corners) {
                             *corner = Corner::new(clip, index, size);
                         }
                     },
@@ -130,7 +130,7 @@ impl<T: Scalar> Visibility<T> {
         merge_pieces(
             records,
             |first, records| {
-                vectorize_256::<T, _>(
+                dispatch_256::<T, _>(
                     #[inline(always)]
                     || {
                         for (record, corner) in records.iter_mut().zip(&corners[first..]) {

@@ -19,7 +19,7 @@ use super::material::Material;
 use super::matte::{BlinnPhong, Lambert, Phong};
 use super::metallic_roughness::MetallicRoughness;
 use super::model::Model;
-use crate::dispatch::{dispatch_special, vectorize_256};
+use crate::dispatch::{dispatch_256, dispatch_special};
 use crate::error::RenderError;
 
 /// The radiance that reaches the eye from `surface`, made of `material`, in the light of `lights`:
@@ -186,9 +186,11 @@ impl<T: Scalar, M: Model<K>, const K: usize> Op<T> for Shade<M, K> {
         let lighting = self.lighting(count, |i| inputs.shape(i), |i| inputs.data(i));
         let is_refused = AtomicBool::new(false);
         for_each_piece_mut(outputs.push([count, 3]), 3 * PIECE, |piece, out| {
-            let is_good = vectorize_256::<T, _>(
+            let is_good = dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
+                    // Moved, so that the closure can run only once and is inlined here.
+                    let out = out;
                     let blocks = out.chunks_mut(3 * BLOCK).zip((piece * PIECE..).step_by(BLOCK));
                     let light = |(out, start): (&mut [T], usize)| {
                         lighting.light(start..start + out.len() / 3, out)

@@ -13,7 +13,7 @@ use super::footprint::Footprint;
 use super::lanes::LANES;
 use super::lookup::Lookup;
 use super::values::Values;
-use crate::dispatch::{dispatch_special, vectorize_256};
+use crate::dispatch::{dispatch_256, dispatch_special};
 
 /// Samples in one piece of work.
 const SAMPLES_PER_PIECE: usize = 1 << 11;
@@ -226,13 +226,15 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
         let Lookup { differentials: Some(slopes), known: Some(levels), .. } = self.lookup else {
             return;
         };
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let bars = bars;
                 // Known beforehand, a single probe makes the loop one of vectors.
                 match self.lookup.filter.probes() {
-                    1 => self.pull_back_with(1, (slopes, levels), start, bars, &add),
-                    most => self.pull_back_with(most, (slopes, levels), start, bars, &add),
+                    1 => self.pull_back_with(1, (slopes, levels), start, bars, add),
+                    most => self.pull_back_with(most, (slopes, levels), start, bars, add),
                 }
             },
         );

@@ -14,7 +14,7 @@ use super::moves::{Wanted, add_moves};
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
 use super::texels::{Terms, TexelSums};
 use super::values::{Level, Values};
-use crate::dispatch::{dispatch_special, vectorize_256};
+use crate::dispatch::{dispatch_256, dispatch_special};
 use crate::error::RenderError;
 
 /// Samples of a texture at `coordinates: [N, 2]`, in the order (u, v): `[N, C]`.
@@ -320,10 +320,11 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if self.kind != Kind::Finest && inputs.any_needs() {
             saved.levels.resize(count, T::ZERO);
             for_each_piece_mut(&mut saved.levels, SAMPLES_PER_PIECE, |piece, levels| {
-                vectorize_256::<T, _>(
+                dispatch_256::<T, _>(
                     #[inline(always)]
                     || {
-                        let (first, levels) = (piece * SAMPLES_PER_PIECE, &mut *levels);
+                        // Moved, so that the closure can run only once and is inlined here.
+                        let (first, levels) = (piece * SAMPLES_PER_PIECE, levels);
                         lookup.find_levels(first..first + levels.len(), levels);
                     },
                 );

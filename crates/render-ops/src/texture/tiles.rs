@@ -14,7 +14,7 @@ use super::cells::{Cells, Extents};
 use super::chart::{Chart, Places};
 use super::lanes::{LANES, Lanes};
 use super::lookup::{Lookup, Probe, Probes};
-use crate::dispatch::vectorize_256;
+use crate::dispatch::dispatch_256;
 
 /// Samples whose runs are sorted together.
 const SAMPLES_PER_PIECE: usize = 1 << 13;
@@ -150,10 +150,11 @@ impl Piece {
     ) {
         let Self { runs, tiles } = self;
         runs.clear();
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                let (start, samples) = (samples.start, samples.clone());
+                // Moved, so that the closure can run only once and is inlined here.
+                let (start, samples) = (samples.start, samples);
                 let (mut probes, mut cells) = (Probes::new(), Cells::new());
                 let (mut next, mut tiles) = (Probe::first_of(start), [0; LANES]);
                 while next.sample < samples.end {

@@ -17,7 +17,7 @@ use super::mean::{self, Growth, GrowthOfMean};
 use super::parts::{Side, Source};
 use super::pieces::{Pieces, Segment};
 use super::polygon::line_bar;
-use crate::dispatch::vectorize_256;
+use crate::dispatch::dispatch_256;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
 use crate::rasterize::corner::Corner;
@@ -142,10 +142,10 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         let pieces = band.pieces;
         let (mut first, mut first_segment) = (0, 0);
         let of_pixels = pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends);
-        vectorize_256::<T, _>(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                for ((&pixel, &end), &segment_end) in of_pixels.clone() {
+                for ((&pixel, &end), &segment_end) in of_pixels {
                     let range = first..end as usize;
                     let segments = &pieces.segments[first_segment..segment_end as usize];
                     (first, first_segment) = (range.end, segment_end as usize);
