@@ -402,7 +402,8 @@ impl Coverage {
     pub(crate) fn pixels_by_row(&self, slots: Range<usize>) -> impl Iterator<Item = Range<usize>> {
         let rows = self.centers.rows_of(slots, self.size);
         rows.filter_map(|row| {
-            let [first, .., last] = &self.by_pixel[self.row(row)] else { return None };
+            let starts = &self.by_pixel[self.row(row)];
+            let (first, last) = (starts.first()?, starts.last()?);
             Some(first.pixel as usize..self.centers.runs[last.run as usize].pixels().end)
         })
     }

@@ -97,34 +97,36 @@ impl<T: Scalar> Visibility<T> {
 
     /// Returns what is at least the rounding of any face's area.
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
-        resize(&mut self.corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
-        merge_pieces(
-            &mut self.corners,
-            |first, corners| {
-                dispatch_256::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for (index, corner) in (first as u32..).zip(corners) {
-                            *corner = Corner::new(clip, index, size);
-                        }
-                    },
-                );
-            },
-            |()| {},
-        );
-        // No f32 is so small or so large that it is multiplied.
-        if T::from_f64(1e60).is_finite() {
-            give_one_factor(&mut self.corners);
-        }
         let Self { corners, records, filter, .. } = self;
+        resize(corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
         let (mut depths, mut extents) = (Depths::default(), Extents::default());
-        let measure = |_, corners: &mut [Corner<_>]| {
+        let measure = |corners: &mut [Corner<_>]| {
             (Depths::from_corners(corners), Extents::from_corners(corners))
         };
-        merge_pieces(corners, measure, |of_piece| {
-            depths = depths.with(of_piece.0);
-            extents = extents.with(of_piece.1);
-        });
+        let mut add = |(of_depths, of_extents)| {
+            depths = depths.with(of_depths);
+            extents = extents.with(of_extents);
+        };
+        // No f32 is so small or so large that it is multiplied.
+        let are_multiplied = T::from_f64(1e60).is_finite();
+        let prepare = |first, corners: &mut [Corner<_>]| {
+            let fresh = &mut *corners;
+            dispatch_256::<T, _>(
+                #[inline(always)]
+                || {
+                    for (index, corner) in (first as u32..).zip(fresh) {
+                        *corner = Corner::new(clip, index, size);
+                    }
+                },
+            );
+            // While they are in the cache.
+            if are_multiplied { Default::default() } else { measure(corners) }
+        };
+        merge_pieces(corners, prepare, &mut add);
+        if are_multiplied {
+            give_one_factor(corners);
+            merge_pieces(corners, |_, corners| measure(corners), add);
+        }
         *filter = Filter::new(depths, size);
         resize(records, count, Record::default);
         merge_pieces(
