@@ -24,7 +24,7 @@ pub struct Coverage {
     pub(crate) culled: Culled,
     /// The fragments at pixel centres.
     pub(crate) centers: Runs,
-    /// The indices of the runs at pixel centres, in the order of their pixels.
+    /// Where the runs at pixel centres start, in the order of their pixels.
     pub(crate) by_pixel: Vec<RunStart>,
     /// Where in `by_pixel` each row starts, and at the end its length.
     pub(crate) row_starts: Vec<u32>,
@@ -408,7 +408,7 @@ impl Coverage {
         })
     }
 
-    /// Reads the runs of the band of `slots`, in the order of their pixels.
+    /// Reads the runs of the band of `slots` beforehand: see [`crate::fetch`].
     #[inline(always)]
     pub(crate) fn fetch_runs(&self, slots: Range<usize>) {
         let rows = self.centers.rows_of(slots.clone(), self.size);

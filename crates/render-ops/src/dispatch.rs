@@ -5,8 +5,8 @@
 //! `lab/docs/performance.md` has the figures. Numbers that are not the machine's own, such as dual
 //! ones, have no vectors to gain from: their work is compiled once.
 //!
-//! Work can be a closure that has to be inlined and moves what it changes. One that could run twice is called through a
-//! function of its own, which is compiled for no vectors.
+//! Work can be a closure, marked to be inlined, that moves what it changes. One that could run twice is called by value
+//! through a function of the compiler's own, which is compiled for no vectors.
 
 use bokashi_core::Scalar;
 use pulp::{Simd, WithSimd};

@@ -1,8 +1,8 @@
 //! Reads from memory what is about to be needed.
 //!
-//! The faces of a band lie anywhere in the arrays of a large mesh, and memory foretells no such order. A processor waits
-//! for many loads at once, if hardly anything lies between them. Where a face's work does, it waits for one or two. So what
-//! some faces need is read first, and then worked on in the cache.
+//! The faces of a band lie anywhere in the arrays of a large mesh. A processor reads ahead only what lies in order. It
+//! waits for many loads at once if hardly anything stands between them, but for one or two where the work on a face
+//! does. So what some faces need is read first, and then worked on in the cache.
 
 use std::hint::black_box;
 

@@ -67,8 +67,8 @@ fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
     }
 }
 
-/// Reads the rows of a band of the reference image in their order, which memory foretells, where runs are short: run by
-/// run, face by face, each would be waited for.
+/// Reads the rows of a band of the reference image in their order, which a processor reads ahead. Face by face, each of
+/// many short runs would be waited for.
 #[inline(always)]
 fn fetch_reference<T: Scalar>(
     coverage: &Coverage,
@@ -85,7 +85,7 @@ fn fetch_reference<T: Scalar>(
     }
 }
 
-/// Pixels of a run that lie in some cache lines: after these, memory foretells the rest.
+/// Pixels of a short run, on average. Of longer ones a processor reads ahead by itself.
 const SHORT: usize = 16;
 
 /// Partial sums, so that additions overlap.

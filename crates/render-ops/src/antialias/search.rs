@@ -15,7 +15,7 @@ use crate::scratch::Workbench;
 /// A blend, and what it is found with.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Found<S> {
-    /// What the order of blends is by: first this, see [`Search::seen`], then the column.
+    /// What the order of blends is by: first this, see [`Search::blend_in_front`], then the column.
     pub(super) line: u32,
     pub(super) column: u32,
     pub(super) blend: Blend<S>,
@@ -76,8 +76,6 @@ impl<T: Scalar> Search<'_, T> {
     /// Finds the candidates by the faces of at most [`AT_ONCE`] slots.
     #[inline(always)]
     fn find_candidates(&self, slots: Range<usize>, candidates: &mut Vec<Candidate<T::Wide>>) {
-        // Without a branch, which nobody could foretell.
-        let (mut folded, mut count) = ([(0, 0); AT_ONCE], 0);
         let coverage = self.coverage;
         if is_large(coverage.mesh().faces()) {
             let adjacency = coverage.mesh().adjacency();
@@ -85,6 +83,8 @@ impl<T: Scalar> Search<'_, T> {
                 .clone()
                 .for_each(|slot| fetch(adjacency.neighbors(coverage.centers.face(slot))[1]));
         }
+        // Put on the list without a branch, which nobody could foretell.
+        let (mut folded, mut count) = ([(0, 0); AT_ONCE], 0);
         for slot in slots {
             let silhouettes = coverage.silhouettes_of(coverage.centers.face(slot));
             folded[count] = (slot, silhouettes);

@@ -370,7 +370,7 @@ impl<S: Scalar> Polygons<S> {
         self.end_part(total)
     }
 
-    /// The polygon of so many corners, which were written behind all others; none of less than three.
+    /// The polygon of so many corners, which were written behind all others; none of fewer than three.
     #[inline(always)]
     fn end_part(&mut self, corners: usize) -> Option<Polygon> {
         let first = self.len as u32;
