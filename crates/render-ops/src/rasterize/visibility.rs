@@ -135,7 +135,7 @@ impl<T: Scalar> Visibility<T> {
                 dispatch_256::<T, _>(
                     #[inline(always)]
                     || {
-                        for (record, corner) in records.iter_mut().zip(&corners[first..]) {
+                        for (corner, record) in corners[first..].iter().zip(records) {
                             *record = filter.record(corner);
                         }
                     },
