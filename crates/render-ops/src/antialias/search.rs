@@ -57,7 +57,9 @@ impl<T: Scalar> Search<'_, T> {
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                self.coverage.fetch_runs(slots.clone());
+                if is_large(self.coverage.mesh().faces()) {
+                    self.coverage.fetch_runs(slots.clone());
+                }
                 // Moved, so that the closure can run only once and is inlined here.
                 let (end, starts) = (slots.end, slots.step_by(AT_ONCE));
                 for start in starts {
