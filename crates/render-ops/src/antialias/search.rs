@@ -187,3 +187,41 @@ impl<T: Scalar> Search<'_, T> {
         found.push(Found { line, column, blend: *blend, fragments });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    #[test]
+    fn faces_that_are_searched_at_once_have_the_blends_that_each_has_alone() {
+        let count = 3 * AT_ONCE + 5;
+        let corners = (0..count).flat_map(|k| {
+            let (x, y) = (-0.9 + 0.017 * k as f64, 0.7 * (2.4 * k as f64).sin());
+            let z = 0.1 * (k % 7) as f64;
+            [[x, y, z, 1.0], [x + 0.2, y - 0.03, z, 1.0], [x + 0.03, y + 0.2, z, 1.0]]
+        });
+        let clip = Tensor::new([3 * count, 4], corners.flatten().collect()).unwrap();
+        let faces = (0..count as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let mesh = Mesh::new(faces, 3 * count).unwrap();
+        let tape = Tape::<f64>::new();
+        let fragments = rasterize(tape.leaf(&clip), &mesh, Size { width: 90, height: 80 }).unwrap();
+        let (coverage, candidates) = (&*fragments.coverage, &Workbench::default());
+        assert!(coverage.centers.bands() == 1 && coverage.centers.slots.len() > 2 * AT_ONCE);
+        let search = Search { coverage, clip: clip.data(), candidates };
+        let (mut together, mut alone) = (Vec::new(), Vec::new());
+        let slots = 0..coverage.centers.slots.len();
+        search.find(slots.clone(), &mut together);
+        slots.for_each(|slot| search.find(slot..slot + 1, &mut alone));
+        assert!(together.len() > count);
+        let numbers = |found: &[Found<f64>]| -> Vec<_> {
+            let of_one = |f: &Found<f64>| (f.line, f.column, f.fragments, f.blend.alpha);
+            found.iter().map(of_one).collect()
+        };
+        assert_eq!(numbers(&together), numbers(&alone));
+    }
+}
