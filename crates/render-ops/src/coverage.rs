@@ -63,6 +63,16 @@ pub struct Culled {
     pub facing: usize,
 }
 
+impl Culled {
+    /// Counts other faces, too.
+    pub(crate) fn add(&mut self, others: &Self) {
+        let Self { degenerate, outside, facing } = others;
+        self.degenerate += degenerate;
+        self.outside += outside;
+        self.facing += facing;
+    }
+}
+
 impl Coverage {
     /// The coverage of nothing.
     pub(crate) fn empty(mesh: Mesh, size: Size) -> Self {

@@ -30,12 +30,15 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     /// factor back (see [`missing_factors`]).
     #[inline(always)]
     pub(crate) fn from_clip<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
-        let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
+        let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize];
+        let [x, y, z, w] = [x.widen(), y.widen(), z.widen(), w.widen()];
         let [width, height] = size.extents::<S>();
         let [a, b, c] = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
         let largest = if a > b { a } else { b };
         let largest = if largest > c { largest } else { c };
-        if largest == 0.0 || (1e-60..1e60).contains(&largest) {
+        // No f32 is so small or so large.
+        let are_in_range = !T::from_f64(1e60).is_finite();
+        if are_in_range || largest == 0.0 || (1e-60..1e60).contains(&largest) {
             return (Self { x: x * width, y: y * height, z, w }, S::ONE);
         }
         Self::scaled_to_range([x, y, z, w], largest, size)

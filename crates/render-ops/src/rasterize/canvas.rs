@@ -6,6 +6,7 @@ use bokashi_core::Scalar;
 
 use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFaces;
+use super::culling::Touched;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::filter::{EIGHT, Octet};
 use super::plane::Plane;
@@ -28,8 +29,8 @@ pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
 #[derive(Debug, Default)]
 pub(super) struct Band<T: Scalar> {
     pub(super) seen: BandRuns,
-    /// Per slot: what the weights u and v of its fragments follow from.
-    weights: Vec<Weights<T::Wide>>,
+    /// Per slot: whether some pixel that its face covered had to be settled.
+    were_settled: Vec<bool>,
     pub(super) pieces: Pieces<T::Wide>,
     /// The pieces as fragments.
     pub(super) piece_fragments: PieceFragments<T>,
@@ -40,6 +41,7 @@ pub(super) struct Band<T: Scalar> {
 pub(super) struct Canvas<T: Scalar> {
     /// Of the band's faces, where exact coverage asks for all of them.
     weights: Vec<Weights<T::Wide>>,
+    touched: Vec<Touched>,
     /// Where faces are drawn.
     plane: Plane,
     /// Per face of the band: whether some pixel that it covered had to be settled.
@@ -237,7 +239,7 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, weights, were_settled, slot_of, .. } = self;
+        let Self { search, weights, touched, were_settled, slot_of, .. } = self;
         resize(weights, faces.len(), Weights::default);
         for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
             *weights = view.weights(face as usize, was_settled);
@@ -246,7 +248,10 @@ impl<T: Scalar> Canvas<T> {
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
-            || search.run(&BandFaces { view, rows, faces, weights }, pieces),
+            || {
+                view.touch(faces, touched);
+                search.run(&BandFaces { view, rows, faces, weights, touched }, pieces);
+            },
         );
         piece_fragments.sort(pieces, faces, slot_of);
         let Plane { faces: stored, stride, .. } = &mut self.plane;
@@ -267,7 +272,7 @@ impl<T: Scalar> Canvas<T> {
         faces: &[u32],
     ) {
         let Self { plane, reader, were_settled, .. } = self;
-        let Band { seen, weights, .. } = band;
+        let seen = &mut band.seen;
         reader.begin(faces.len(), seen);
         for (local, row) in rows.enumerate() {
             reader.begin_row(seen);
@@ -279,10 +284,8 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         plane.reached_by_small = [usize::MAX, 0];
-        resize(weights, reader.seen().len(), Weights::default);
-        for (weights, &drawn) in weights.iter_mut().zip(reader.seen()) {
-            *weights = view.weights(faces[drawn as usize] as usize, were_settled[drawn as usize]);
-        }
+        band.were_settled.clear();
+        band.were_settled.extend(reader.seen().iter().map(|&drawn| were_settled[drawn as usize]));
         reader.end(|drawn| faces[drawn as usize], seen);
     }
 }
@@ -296,7 +299,8 @@ impl<T: Scalar> Band<T> {
         // From a row to the next, exactly.
         let two = T::Wide::from_f64(2.0);
         let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
-        for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
+        for ((slot, end), &was_settled) in slots.iter().zip(ends).zip(&self.were_settled) {
+            let weights = view.weights(slot.face as usize, was_settled);
             let of_slot = &runs[slot.first_run as usize..end];
             let [row, column] = view.size.row_and_column(of_slot[0].pixel as usize);
             let mut start = of_slot[0].pixel as usize - column;

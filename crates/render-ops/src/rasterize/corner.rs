@@ -8,68 +8,52 @@ use crate::homogeneous::Vertex;
 use crate::order::{largest, least};
 use crate::size::Size;
 
-/// A vertex, and what every face at it asks of it.
+/// A vertex of a face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Corner<S> {
     pub(super) vertex: Vertex<S>,
     /// What the vertex was multiplied by.
     pub(super) factor: S,
-    /// The view's bounding planes that it lies beyond, one bit each, and [`UNUSUAL`].
-    pub(super) beyond: u8,
-    /// In pixels from the centre of the first pixel; means nothing behind the eye.
-    pub(super) pixel: [f64; 2],
 }
 
 /// How far from the near and the far plane the depth of a tame vertex is: far more than the rounding of depths.
 const MARGIN: f64 = 1e-4;
 
 /// The w of tame vertices: numbers of 32 bits hold products of three.
-const TAME_W: std::ops::Range<f64> = 1e-12..1e12;
+const TAME_W: Range<f64> = 1e-12..1e12;
 
 /// The bit of [`Corner::beyond`] for a vertex behind the eye.
 pub(super) const BEHIND: u8 = 1;
-
-/// The bits of [`Corner::beyond`] for a vertex beyond the far plane, and before the near plane.
-const BEYOND_FAR: u8 = 1 << 5;
-const BEFORE_NEAR: u8 = 1 << 6;
-
-/// The bit of [`Corner::beyond`] for a vertex that is close to the near or far plane, was multiplied, or whose w is
-/// not among [`TAME_W`].
-pub(super) const UNUSUAL: u8 = 1 << 7;
 
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
     #[inline(always)]
     pub(super) fn new<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
         let (vertex, factor) = Vertex::from_clip(clip, index, size);
-        let Vertex { x, y, z, w } = vertex;
+        Self { vertex, factor }
+    }
+
+    /// The view's bounding planes that the vertex lies beyond, one bit each.
+    pub(super) fn beyond(&self, size: Size) -> u8 {
+        let Vertex { x, y, z, w } = self.vertex;
         let [width, height] = size.extents::<S>();
         let (right, top) = (width * w, height * w);
-        let inner = S::from_f64(1.0 - MARGIN) * w;
-        let is_unusual = z < -inner
-            || z > inner
-            || factor != S::ONE
-            || w < S::from_f64(TAME_W.start)
-            || w > S::from_f64(TAME_W.end);
-        // One after another: of a list of planes the compiler makes bytes, which it then takes apart.
-        let bit = |is_beyond: bool, bit: u8| u8::from(is_beyond) * bit;
-        let beyond = bit(w <= S::ZERO, BEHIND)
-            | bit(x > right, 1 << 1)
-            | bit(x < -right, 1 << 2)
-            | bit(y > top, 1 << 3)
-            | bit(y < -top, 1 << 4)
-            | bit(z > w, BEYOND_FAR)
-            | bit(z < -w, BEFORE_NEAR)
-            | bit(is_unusual, UNUSUAL);
-        let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
-        let pixel = [pixel(x / w, width), pixel(-y / w, height)];
-        Self { vertex, factor, beyond, pixel }
+        let are_beyond = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
+        are_beyond.into_iter().rev().fold(0, |bits, is_beyond| bits << 1 | u8::from(is_beyond))
     }
 
     /// Whether the vertex is in view and neither close to the near or far plane nor extreme.
     #[inline(always)]
-    pub(super) fn is_tame(&self) -> bool {
-        self.beyond == 0
+    pub(super) fn is_tame(&self, size: Size) -> bool {
+        let Vertex { x, y, z, w } = self.vertex;
+        let [width, height] = size.extents::<S>();
+        let inner = S::from_f64(1.0 - MARGIN) * w;
+        (x.abs() <= width * w)
+            & (y.abs() <= height * w)
+            & (z.abs() <= inner)
+            & (w >= S::from_f64(TAME_W.start))
+            & (w <= S::from_f64(TAME_W.end))
+            & (self.factor == S::ONE)
     }
 
     /// z / w, of a tame vertex.
@@ -78,51 +62,90 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         self.vertex.z.to_f64() / self.vertex.w.to_f64()
     }
 
+    /// In pixels from the centre of the first pixel; means nothing behind the eye.
+    #[inline(always)]
+    pub(super) fn pixel(&self, size: Size) -> [f64; 2] {
+        let Vertex { x, y, w, .. } = self.vertex;
+        let [width, height] = size.extents::<S>();
+        let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
+        [pixel(x / w, width), pixel(-y / w, height)]
+    }
+
     /// Whether the vertex lies before the near plane, beyond the far plane, or behind the eye.
+    #[inline(always)]
     pub(super) fn is_beyond_depths(&self) -> bool {
-        self.beyond & (BEHIND | BEYOND_FAR | BEFORE_NEAR) != 0
+        let Vertex { z, w, .. } = self.vertex;
+        w <= S::ZERO || z.abs() > w
     }
 
     /// The columns and rows of the pixels that the line between two points can touch, where neither
     /// is behind the eye.
-    pub(super) fn pixels_between(
-        [a, b]: [&Self; 2],
-        Size { width, height }: Size,
-    ) -> Option<[Range<usize>; 2]> {
-        if (a.beyond | b.beyond) & BEHIND != 0 {
+    pub(super) fn pixels_between(ends: [&Self; 2], size: Size) -> Option<[Range<usize>; 2]> {
+        if ends.iter().any(|corner| corner.vertex.w <= S::ZERO) {
             return None;
         }
+        let [a, b] = ends.map(|corner| corner.pixel(size));
         let touched = |axis: usize, extent| {
-            let [a, b] = [a, b].map(|corner| corner.pixel[axis]);
-            let [first, last] = touched([a, b, b], extent, HALF_A_PIXEL);
+            let [first, last] = touched([a[axis], b[axis], b[axis]], extent, HALF_A_PIXEL);
             first as usize..last as usize + 1
         };
-        Some([touched(0, width), touched(1, height)])
+        Some([touched(0, size.width), touched(1, size.height)])
     }
 }
 
-/// Gives all corners the same factor, where their sizes are near enough, so that a mesh times a power
-/// of two is the same in every bit. Two things depend on a face's factors: the size below which its
-/// edge functions are uncertain, and the order in which a long row is summed.
-pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
-    let factors = || corners.iter().map(|corner| corner.factor);
-    if factors().all(|factor| factor == S::ONE) {
-        return;
+/// The vertices of a mesh, as its faces ask for them. All is worked out of positions, which are a fraction of it: a fine
+/// mesh waits for memory rather than for numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corners<'a, T: Scalar> {
+    /// `[V, 4]`
+    clip: &'a [T],
+    size: Size,
+    /// What all vertices are multiplied by, if it is not 1 and they share it.
+    factor: Option<T::Wide>,
+}
+
+impl<'a, T: Scalar> Corners<'a, T> {
+    #[inline(always)]
+    pub(super) fn new(clip: &'a [T], size: Size, factor: Option<T::Wide>) -> Self {
+        Self { clip, size, factor }
     }
-    let (least, most) = (
-        factors().fold(S::from_f64(f64::INFINITY), S::minimum_or_nan),
-        factors().fold(S::ZERO, S::maximum_or_nan),
-    );
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.clip.len() / 4
+    }
+
+    #[inline(always)]
+    pub(super) fn at(&self, vertex: u32) -> Corner<T::Wide> {
+        let corner = Corner::new(self.clip, vertex, self.size);
+        match self.factor {
+            None => corner,
+            Some(factor) => {
+                let by = factor / corner.factor;
+                Corner { vertex: corner.vertex.scaled(by), factor }
+            }
+        }
+    }
+
+    /// Those of a face.
+    #[inline(always)]
+    pub(super) fn of_face(&self, [p, q, r]: [u32; 3]) -> [Corner<T::Wide>; 3] {
+        // Not by `map`, which can be a call.
+        [self.at(p), self.at(q), self.at(r)]
+    }
+}
+
+/// What all vertices are multiplied by, of which the smallest and the largest factor are these: the same, where their
+/// sizes are near enough, so that a mesh times a power of two is the same in every bit. `None` where each keeps its own.
+///
+/// Two things depend on a face's factors: the size below which its edge functions are uncertain, and the order in which
+/// a long row is summed.
+pub(super) fn common_factor<S: Scalar<Wide = S>>([least, most]: [S; 2]) -> Option<S> {
     // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
     // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
-    if least < most * S::from_f64(1e-80) {
-        return;
-    }
-    for corner in corners {
-        corner.vertex = corner.vertex.scaled(least / corner.factor);
-        corner.factor = least;
-        corner.beyond |= UNUSUAL;
-    }
+    let are_near = least >= most * S::from_f64(1e-80);
+    let is_one = least == S::ONE && most == S::ONE;
+    (are_near && !is_one).then_some(least)
 }
 
 /// What a pixel reaches beyond its centre.

@@ -4,13 +4,17 @@
 //! within rounding, or if the side that it shows is culled. For all others this file finds the pixels
 //! that they can touch. The area has the sign of the determinant of the three vertices.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 
-use super::corner::{BEHIND, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS, UNUSUAL, touched};
+use super::canvas::resize;
+use super::corner::{BEHIND, Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
 use super::filter::{Boxes, EIGHT, Filter, Octet, Record};
+use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
-use crate::raster_options::{Cull, RasterOptions};
+use crate::raster_options::{Cull, RasterOptions, Sampling};
 use crate::size::Size;
 
 /// What becomes of a face.
@@ -22,9 +26,55 @@ pub(super) enum Fate {
     Outside,
     /// It turns the side away that is not drawn.
     Facing,
-    /// It can touch pixels in these columns and rows, first and last; in none where the last
-    /// comes before the first.
-    Drawn { columns: [u32; 2], rows: [u32; 2] },
+    /// It can touch these pixels.
+    Drawn(Touched),
+}
+
+/// Columns and rows of pixels, first and last; none where the last comes before the first.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Touched {
+    pub(super) columns: [u32; 2],
+    pub(super) rows: [u32; 2],
+}
+
+impl Touched {
+    /// The pixels of a face, or up to `margin` beyond.
+    pub(super) fn from_corners<S: Scalar<Wide = S>>(
+        corners: [&Corner<S>; 3],
+        Size { width, height }: Size,
+        margin: f64,
+    ) -> Self {
+        if corners.iter().any(|corner| corner.vertex.w <= S::ZERO) {
+            return Self { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] };
+        }
+        let pixels = corners.map(|corner| corner.pixel(Size { width, height }));
+        let touched =
+            |axis: usize, extent| touched(pixels.map(|pixel| pixel[axis]), extent, margin);
+        Self { columns: touched(0, width), rows: touched(1, height) }
+    }
+
+    /// The columns, and of the rows of a band those that are among them.
+    #[inline(always)]
+    pub(super) fn within(&self, band: &Range<usize>) -> [Range<usize>; 2] {
+        let [[left, right], [top, bottom]] =
+            [self.columns, self.rows].map(|ends| ends.map(|end| end as usize));
+        [left..right + 1, band.start.max(top)..band.end.min(bottom + 1)]
+    }
+
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        let Self { columns, rows } = self;
+        columns[0] > columns[1] || rows[0] > rows[1]
+    }
+
+    /// Those of the `k`-th of eight faces.
+    #[inline(always)]
+    pub(super) fn from_box(boxes: &Boxes, k: usize) -> Self {
+        let [columns, rows] = [&boxes.columns, &boxes.rows].map(|[first, last]| {
+            if first[k] <= last[k] { [first[k] as u32, last[k] as u32] } else { [1, 0] }
+        });
+        Self { columns, rows }
+    }
 }
 
 /// The sign of a face's area as it is seen, and what becomes of the face. The sign is 0 where the area
@@ -38,12 +88,6 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
-    /// Whether its face is drawn.
-    #[inline(always)]
-    pub(super) fn is_drawn(&self) -> bool {
-        matches!(self.fate, Fate::Drawn { .. })
-    }
-
     /// On the face of these vertices.
     #[inline(never)]
     pub(super) fn from_corners<S: Scalar<Wide = S>>(
@@ -64,88 +108,151 @@ impl Verdict {
             rounding([p, q, r], options.size)
         };
         let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
-        let [a, b, c] = corners.map(|corner| corner.beyond);
-        let fate = if a & b & c & !UNUSUAL != 0 {
+        let [a, b, c] = corners.map(|corner| corner.beyond(options.size));
+        let fate = if a & b & c != 0 {
             Fate::Outside
         } else if orientation == 0 {
             Fate::Degenerate
-        } else if is_turned_away(orientation, options.cull) {
+        } else if orientation == turned_away(options.cull) {
             Fate::Facing
-        } else if (a | b | c) & BEHIND != 0 {
-            let Size { width, height } = options.size;
-            Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
-            let margin = reach_of_pixels(options);
-            let touched =
-                |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent, margin);
-            let Size { width, height } = options.size;
-            Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
+            let margin = reach_of_pixels(options.sampling);
+            Fate::Drawn(Touched::from_corners(corners, options.size, margin))
         };
-        let is_drawn = matches!(fate, Fate::Drawn { .. });
+        let is_drawn = matches!(fate, Fate::Drawn(_));
         let orientation = if matches!(fate, Fate::Facing) { 0 } else { orientation };
         Self { orientation, reaches_behind: is_drawn && (a | b | c) & BEHIND != 0, fate }
     }
 }
 
-impl Boxes {
-    /// The `k`-th of the faces is drawn.
-    #[inline(always)]
-    fn drawn(&self, k: usize) -> Fate {
-        let [columns, rows] = [&self.columns, &self.rows].map(|[first, last]| {
-            if first[k] <= last[k] { [first[k] as u32, last[k] as u32] } else { [1, 0] }
-        });
-        Fate::Drawn { columns, rows }
-    }
-}
-
-/// Whether a face shows the side that is not drawn.
+/// The orientation of the side that is not drawn; none is 2.
 #[inline(always)]
-fn is_turned_away(orientation: i8, cull: Cull) -> bool {
+fn turned_away(cull: Cull) -> i8 {
     match cull {
-        Cull::None => false,
-        Cull::Back => orientation < 0,
-        Cull::Front => orientation > 0,
+        Cull::None => 2,
+        Cull::Back => -1,
+        Cull::Front => 1,
     }
 }
 
-/// The work of judging `faces`, of which `verdicts` are filled in: not as a closure, which would not be compiled for the
-/// vectors that were found.
-pub(super) struct Judge<'a, S> {
+/// The work of judging the faces from `first` on, whose `orientations` are filled in: not as a closure, which would not
+/// be compiled for the vectors that were found.
+pub(super) struct Judge<'a, T: Scalar> {
     pub(super) faces: &'a [[u32; 3]],
-    pub(super) corners: &'a [Corner<S>],
+    pub(super) first: usize,
+    pub(super) corners: Corners<'a, T>,
     pub(super) records: &'a [Record],
     pub(super) filter: &'a Filter,
     pub(super) options: RasterOptions,
-    pub(super) most_noise: S,
-    pub(super) verdicts: &'a mut [Verdict],
+    pub(super) most_noise: T::Wide,
+    pub(super) rows_per_band: usize,
+    pub(super) orientations: &'a mut [i8],
+    pub(super) judged: &'a mut Judged,
 }
 
-impl<S: Scalar<Wide = S>> pulp::WithSimd for Judge<'_, S> {
+/// A face, and the first and the last band that it can touch.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Listed {
+    pub(super) face: u32,
+    pub(super) bands: [u32; 2],
+}
+
+/// What became of some faces.
+#[derive(Debug, Default)]
+pub(super) struct Judged {
+    /// Those that can touch pixels come first.
+    listed: Vec<Listed>,
+    count: usize,
+    pub(super) culled: Culled,
+    /// Whether some face that is drawn reaches behind the eye.
+    pub(super) reaches_behind: bool,
+}
+
+impl Judged {
+    /// The faces that can touch pixels.
+    pub(super) fn listed(&self) -> &[Listed] {
+        &self.listed[..self.count]
+    }
+
+    /// Counts a face; returns which pixels it can touch, if any.
+    fn count(&mut self, verdict: &Verdict) -> Option<Touched> {
+        match verdict.fate {
+            Fate::Degenerate => self.culled.degenerate += 1,
+            Fate::Outside => self.culled.outside += 1,
+            Fate::Facing => self.culled.facing += 1,
+            Fate::Drawn(touched) => {
+                self.reaches_behind |= verdict.reaches_behind;
+                return Some(touched).filter(|touched| !touched.is_empty());
+            }
+        }
+        None
+    }
+}
+
+impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
-        let Self { faces, corners, records, filter, options, most_noise, verdicts } = self;
-        let margin = reach_of_pixels(options) + ROUNDING_OF_PIXELS;
-        for (faces, verdicts) in faces.chunks(EIGHT).zip(verdicts.chunks_mut(EIGHT)) {
-            // Where there are fewer than eight, the last one takes part several times.
-            let eight = std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
-            let boxes = filter.boxes(&Octet::gather(records, eight), options.size, margin);
-            for (k, (&face, verdict)) in faces.iter().zip(verdicts).enumerate() {
-                let orientation = boxes.orientations[k] as i8;
-                // Each is written where it stays: out of a copy that was written in pieces it would be read as a whole,
-                // and wait for all of them.
-                if orientation == 0 {
-                    let of_face = face.map(|vertex| &corners[vertex as usize]);
-                    *verdict = Verdict::from_corners(of_face, face, options, most_noise);
-                } else if is_turned_away(orientation, options.cull) {
-                    *verdict =
-                        Verdict { orientation: 0, reaches_behind: false, fate: Fate::Facing };
-                } else {
-                    *verdict = Verdict { orientation, reaches_behind: false, fate: boxes.drawn(k) };
-                }
-            }
+    fn with_simd<V: pulp::Simd>(mut self, _: V) {
+        let faces = self.faces;
+        let (listed, culled) = (std::mem::take(&mut self.judged.listed), Culled::default());
+        *self.judged = Judged { listed, count: 0, culled, reaches_behind: false };
+        resize(&mut self.judged.listed, faces.len(), Listed::default);
+        for (block, faces) in faces.chunks(EIGHT).enumerate() {
+            self.judge_eight(block * EIGHT, faces);
         }
+    }
+}
+
+impl<T: Scalar> Judge<'_, T> {
+    /// Judges up to eight faces, of which the first is number `start`.
+    #[inline(always)]
+    fn judge_eight(&mut self, start: usize, faces: &[[u32; 3]]) {
+        let Self { filter, options, .. } = *self;
+        let away = i32::from(turned_away(options.cull));
+        let margin = reach_of_pixels(options.sampling) + ROUNDING_OF_PIXELS;
+        // Where there are fewer than eight, the last one takes part several times.
+        let eight = std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
+        let boxes = filter.boxes(&Octet::gather(self.records, eight), options.size, margin);
+        let per_row = 1.0 / self.rows_per_band as f64;
+        let ([mut first_bands, mut last_bands], mut are_listed) = ([[0; EIGHT]; 2], [0; EIGHT]);
+        for k in 0..EIGHT {
+            let [columns, rows] = [&boxes.columns, &boxes.rows].map(|[a, b]| [a[k], b[k]]);
+            // Half a row from where the next whole number starts, so that rounding changes nothing.
+            let band = |row: i32| ((f64::from(row) + 0.5) * per_row) as i32 as u32;
+            (first_bands[k], last_bands[k]) = (band(rows[0]), band(rows[1]));
+            let is_listed =
+                (boxes.orientations[k] != away) & (columns[0] <= columns[1]) & (rows[0] <= rows[1]);
+            are_listed[k] = u32::from(is_listed);
+        }
+        for (k, &vertices) in faces.iter().enumerate() {
+            let orientation = boxes.orientations[k];
+            let (mut bands, mut is_listed) = ([first_bands[k], last_bands[k]], are_listed[k] == 1);
+            let number = start + k;
+            if orientation == 0 {
+                let touched = self.judge_one(number, vertices);
+                is_listed = touched.is_some();
+                bands = touched.unwrap_or_default().rows.map(|row| row / self.rows_per_band as u32);
+            } else {
+                let is_away = orientation == away;
+                self.judged.culled.facing += usize::from(is_away);
+                self.orientations[number] = if is_away { 0 } else { orientation as i8 };
+            }
+            self.judged.listed[self.judged.count] =
+                Listed { face: (self.first + number) as u32, bands };
+            self.judged.count += usize::from(is_listed);
+        }
+    }
+
+    /// Judges a face in wide numbers.
+    #[cold]
+    #[inline(never)]
+    fn judge_one(&mut self, number: usize, vertices: [u32; 3]) -> Option<Touched> {
+        let corners = self.corners.of_face(vertices);
+        let verdict =
+            Verdict::from_corners(corners.each_ref(), vertices, self.options, self.most_noise);
+        self.orientations[number] = verdict.orientation;
+        self.judged.count(&verdict)
     }
 }
 
@@ -167,7 +274,7 @@ const LEAST_PRODUCT: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// The largest x, y and w of some vertices, apart from their signs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Extents<S>([S; 3]);
+pub(super) struct Extents<S>(pub(super) [S; 3]);
 
 impl<S: Scalar> Default for Extents<S> {
     fn default() -> Self {
@@ -176,13 +283,6 @@ impl<S: Scalar> Default for Extents<S> {
 }
 
 impl<S: Scalar<Wide = S>> Extents<S> {
-    pub(super) fn from_corners(corners: &[Corner<S>]) -> Self {
-        let of_corner = |Corner { vertex, .. }: &Corner<S>| {
-            Self([vertex.x, vertex.y, vertex.w].map(|number| number.abs()))
-        };
-        corners.iter().map(of_corner).fold(Self::default(), Self::with)
-    }
-
     /// Those of other vertices, too.
     #[inline(always)]
     pub(super) fn with(self, others: Self) -> Self {
@@ -199,12 +299,13 @@ impl<S: Scalar<Wide = S>> Extents<S> {
 }
 
 /// How far beyond its centre a pixel is of interest.
-fn reach_of_pixels(options: RasterOptions) -> f64 {
-    if options.sampling.has_pieces() { HALF_A_PIXEL } else { 0.0 }
+fn reach_of_pixels(sampling: Sampling) -> f64 {
+    if sampling.has_pieces() { HALF_A_PIXEL } else { 0.0 }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::vertices::Measures;
     use super::*;
 
     /// The six orders of a face's corners: three rotations in either winding.
@@ -216,7 +317,8 @@ mod tests {
         let size = Size::square(16);
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
-            let noise = Extents::from_corners(&corners).most_rounding(size);
+            let positions = Corners::new(clip.as_flattened(), size, None);
+            let noise = Measures::new(&positions, size, 0..3).extents.most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };
         // On a line but for rounding: in the image, and beside it, where faces are left out as outside.

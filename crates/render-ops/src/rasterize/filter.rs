@@ -91,38 +91,27 @@ pub(super) struct Filter {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Depths {
     /// Of tame vertices.
-    least: f64,
-    largest: f64,
-    /// Whether all depths are 0.
-    is_flat: bool,
+    pub(super) least: f64,
+    pub(super) largest: f64,
+    /// The size of the largest z: where it is 0, all depths are.
+    pub(super) largest_z: f64,
 }
 
 impl Default for Depths {
     fn default() -> Self {
-        Self { least: f64::INFINITY, largest: f64::NEG_INFINITY, is_flat: true }
+        Self { least: f64::INFINITY, largest: f64::NEG_INFINITY, largest_z: 0.0 }
     }
 }
 
 impl Depths {
-    pub(super) fn from_corners<S: Scalar<Wide = S>>(corners: &[Corner<S>]) -> Self {
-        let mut depths = Self::default();
-        for corner in corners {
-            depths.is_flat &= corner.vertex.z == S::ZERO;
-            if corner.is_tame() {
-                let depth = corner.depth();
-                depths = depths.with(Self { least: depth, largest: depth, is_flat: true });
-            }
-        }
-        depths
-    }
-
     /// Those of other vertices, too.
     #[inline(always)]
     pub(super) fn with(self, others: Self) -> Self {
+        let larger = |a: f64, b: f64| if b > a { b } else { a };
         Self {
             least: if others.least < self.least { others.least } else { self.least },
-            largest: if others.largest > self.largest { others.largest } else { self.largest },
-            is_flat: self.is_flat & others.is_flat,
+            largest: larger(self.largest, others.largest),
+            largest_z: larger(self.largest_z, others.largest_z),
         }
     }
 }
@@ -169,26 +158,26 @@ impl Filter {
         let even = f64::from(EVEN * EVEN);
         let slack =
             2.0 * 193.0 / 4.0 * f64::EPSILON * even * size.width as f64 * size.height as f64;
-        let Depths { least, largest, is_flat } = depths;
+        let Depths { least, largest, largest_z } = depths;
         let middle = if least <= largest { 0.5 * (least + largest) } else { 0.0 };
         // Where there is nothing to tell apart, that of all depths in view.
         let half = 0.5 * (largest - least);
         let per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
+        let is_flat = largest_z == 0.0;
         Self { bits, unit: unit as f32, slack: slack as f32, middle, per_depth, is_flat }
     }
 
     /// Of a vertex.
     #[inline(always)]
-    pub(super) fn record<S: Scalar<Wide = S>>(&self, corner: &Corner<S>) -> Record {
-        if !corner.is_tame() {
-            return Record::default();
-        }
+    pub(super) fn record<S: Scalar<Wide = S>>(&self, corner: &Corner<S>, size: Size) -> Record {
         // A sum that is so large that its last digit is 1: its low bits are the nearest whole number.
         let units = f64::from(1_u32 << self.bits);
         let whole = |pixel: f64| (pixel * units + 6_755_399_441_055_744.0).to_bits() as u32 as i32;
-        let [x, y] = corner.pixel.map(whole);
+        let [x, y] = corner.pixel(size).map(whole);
         let depth = self.narrow(corner.depth());
-        Record { x, y, depth, w: corner.vertex.w.to_f64() as f32 }
+        let record = Record { x, y, depth, w: corner.vertex.w.to_f64() as f32 };
+        // Chosen afterwards: without a branch there are vectors.
+        if corner.is_tame(size) { record } else { Record::default() }
     }
 
     /// What a later face has to be nearer by, beside the tolerance: where all depths are 0, the first face wins.
@@ -360,7 +349,8 @@ impl Octet {
 #[cfg(test)]
 mod tests {
     use super::super::blocks::SmallFaces;
-    use super::super::corner::ROUNDING_OF_PIXELS;
+    use super::super::corner::{Corners, ROUNDING_OF_PIXELS};
+    use super::super::vertices::{Measures, record};
     use super::*;
 
     /// How far a face's edge functions, area and depths lie from those in wide numbers, as shares of the bounds.
@@ -394,10 +384,10 @@ mod tests {
             .chain(others.map(|depth| ([0.0; 2], depth)))
             .map(|(pixel, depth)| vertex(pixel, depth))
             .collect();
-        let corners: Vec<Corner<f64>> =
-            (0..5).map(|index| Corner::new(clip.as_flattened(), index, size)).collect();
-        let filter = Filter::new(Depths::from_corners(&corners), size);
-        let records: Vec<_> = corners.iter().map(|corner| filter.record(corner)).collect();
+        let corners = Corners::new(clip.as_flattened(), size, None);
+        let filter = Filter::new(Measures::new(&corners, size, 0..5).depths, size);
+        let mut records = [Record::default(); 5];
+        record(&corners, &filter, size, 0, &mut records);
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
         let boxes = filter.boxes(&octet, size, ROUNDING_OF_PIXELS);
         let small = SmallFaces::new(&filter, &octet, size, [0, extent - 1]);

@@ -36,6 +36,7 @@ mod prepared;
 mod pull_back;
 mod setup;
 mod spans;
+mod vertices;
 mod visibility;
 
 use std::ops::Range;
@@ -261,6 +262,7 @@ impl Rasterize {
     fn push_layer<T: Scalar>(
         &self,
         visibility: &Visibility<T>,
+        clip: &[T],
         layer: usize,
         coverage: &Coverage,
         outputs: &mut Outputs<'_, T>,
@@ -275,7 +277,7 @@ impl Rasterize {
             }
         };
         let are_shared = coverage.centers.is_shared();
-        let view = &visibility.drawn(&self.mesh, self.options);
+        let view = &visibility.drawn(clip, &self.mesh, self.options, &coverage.orientations);
         let of_bands = visibility.bands(layer).map(|band| (2 * band.seen.runs.count, band));
         let rest = fill_parts(barycentrics, of_bands, are_shared, |barycentrics, &band| {
             crate::dispatch::dispatch::<T, _>(Weigh { view, band, barycentrics });
@@ -302,6 +304,7 @@ impl Rasterize {
         clip_bar: &mut Accumulator<T>,
     ) {
         let entries = clip_bar.entries();
+        let corners = visibility.corners(kept.input(0), self.options.size);
         let mut add = |face: usize, rows: &[[T::Wide; 4]; 3]| {
             for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows) {
                 let entries = &mut entries[4 * vertex as usize..][..4];
@@ -316,7 +319,7 @@ impl Rasterize {
             exact::PiecePullBack {
                 mesh: &self.mesh,
                 size: self.options.size,
-                corners: &visibility.corners,
+                corners,
                 faces,
                 pieces: &band.pieces,
                 fragments: &band.piece_fragments.fragments,
@@ -388,13 +391,13 @@ impl<T: Scalar> Op<T> for Rasterize {
         let (front, needs) = (self.front.as_deref(), inputs.needs(0));
         visibility.run(clip, self.options, needs, front, &self.mesh, layers);
         for (layer, coverage) in layers.iter().enumerate() {
-            self.push_layer(visibility, layer, coverage, outputs);
+            self.push_layer(visibility, clip, layer, coverage, outputs);
         }
         Ok(())
     }
 
     fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        (0..self.layers).fold(Keep::NOTHING, Keep::output)
+        (0..self.layers).fold(Keep::NOTHING.input(0), Keep::output)
     }
 
     fn backward(
@@ -423,7 +426,8 @@ impl<T: Scalar> Op<T> for Rasterize {
                 clip_bar.entries();
                 continue;
             }
-            let (corners, uv) = (&visibility.corners, kept.output(layer));
+            let corners = visibility.corners(kept.input(0), self.options.size);
+            let uv = kept.output(layer);
             let pull_back = WeightPullBack { coverage, corners, uv, uv_bar };
             let layout = Layout { runs: &coverage.centers, mesh: &self.mesh, width: 4 };
             layout.add_to(clip_bar, &pull_back, rows);

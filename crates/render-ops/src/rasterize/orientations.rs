@@ -22,8 +22,7 @@ impl Coverage {
     ) -> Result<Self, RenderError> {
         check_positions("Coverage::with_orientations", &self.mesh, clip.shape(), clip.data())?;
         let options = RasterOptions::new(self.size).cull(cull);
-        self.orientations =
-            Visibility::default().orientations(clip.data(), options, &self.mesh).collect();
+        self.orientations = Visibility::default().orientations(clip.data(), options, &self.mesh);
         Ok(self)
     }
 }

@@ -1,12 +1,12 @@
 //! What the stages of rasterization share.
 
-use bokashi_core::Scalar;
-
 use std::ops::Range;
 
-use super::corner::Corner;
-use super::culling::{Fate, Verdict};
-use super::filter::{Filter, Record};
+use bokashi_core::Scalar;
+
+use super::corner::{Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS};
+use super::culling::Touched;
+use super::filter::{EIGHT, Filter, Octet, Record};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
 use crate::mesh::Mesh;
@@ -17,10 +17,11 @@ use crate::size::Size;
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
     pub(super) size: Size,
-    pub(super) corners: &'a [Corner<T::Wide>],
+    pub(super) corners: Corners<'a, T>,
     pub(super) filter: Filter,
     pub(super) records: &'a [Record],
-    pub(super) verdicts: &'a [Verdict],
+    /// Per face: the sign of its area as it is seen, 0 where that is zero within rounding or that side is culled.
+    pub(super) orientations: &'a [i8],
     /// The X of each column's pixel centres, in whole blocks.
     pub(super) centers: &'a [T::Wide],
     /// The Y of each row's.
@@ -41,19 +42,19 @@ impl<'a, T: Scalar> Prepared<'a, T> {
     /// [`Mesh::silhouettes_of`], as the mesh is seen.
     #[inline(always)]
     pub(super) fn silhouettes_of(&self, face: usize) -> u8 {
-        self.mesh.silhouettes_of(face, |face| self.verdicts[face].orientation)
+        self.mesh.silhouettes_of(face, |face| self.orientations[face])
     }
 
     /// A face before its pixels are visited one by one.
     #[inline(always)]
     pub(super) fn setup(&self, face: usize) -> Setup<T::Wide> {
-        Setup::new(self.corners_of(face), self.verdicts[face].orientation, self.size)
+        Setup::new(self.corners_of(face).each_ref(), self.orientations[face], self.size)
     }
 
     /// What the weights of a face follow from, some pixels of which perhaps had to be settled.
     #[inline(always)]
     pub(super) fn weights(&self, face: usize, was_settled: bool) -> Weights<T::Wide> {
-        Weights::new(self.corners_of(face), self.verdicts[face].orientation, was_settled)
+        Weights::new(self.corners_of(face).each_ref(), self.orientations[face], was_settled)
     }
 
     /// The rows of a band.
@@ -61,20 +62,43 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         band * self.rows..((band + 1) * self.rows).min(self.size.height)
     }
 
-    /// The columns, and of the rows of a band those that a drawn face can touch.
-    #[inline(always)]
+    /// The columns, and of the rows of a band those, whose pixel centres a drawn face can cover.
     pub(super) fn touched(&self, face: usize, band: &Range<usize>) -> [Range<usize>; 2] {
-        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = self.verdicts[face].fate
-        else {
-            unreachable!("only faces that are drawn are on the lists");
-        };
-        let rows = band.start.max(top as usize)..band.end.min(bottom as usize + 1);
-        [left as usize..right as usize + 1, rows]
+        let corners = self.corners_of(face);
+        Touched::from_corners(corners.each_ref(), self.size, 0.0).within(band)
+    }
+
+    /// Whether a face is drawn.
+    pub(super) fn is_drawn(&self, face: usize) -> bool {
+        let are_beyond = || self.corners_of(face).map(|corner| corner.beyond(self.size));
+        self.orientations[face] != 0 && {
+            let [a, b, c] = are_beyond();
+            a & b & c == 0
+        }
+    }
+
+    /// What faces that are drawn can touch, with whole pixels and not with centres alone.
+    #[inline(always)]
+    pub(super) fn touch(&self, faces: &[u32], touched: &mut Vec<Touched>) {
+        touched.clear();
+        for faces in faces.chunks(EIGHT) {
+            let eight = |k: usize| self.mesh.faces()[faces[k.min(faces.len() - 1)] as usize];
+            let octet = Octet::gather(self.records, std::array::from_fn(eight));
+            let boxes = self.filter.boxes(&octet, self.size, HALF_A_PIXEL + ROUNDING_OF_PIXELS);
+            touched.extend(faces.iter().enumerate().map(|(k, &face)| {
+                if boxes.orientations[k] == 0 {
+                    let corners = self.corners_of(face as usize);
+                    Touched::from_corners(corners.each_ref(), self.size, HALF_A_PIXEL)
+                } else {
+                    Touched::from_box(&boxes, k)
+                }
+            }));
+        }
     }
 
     #[inline(always)]
-    pub(super) fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
-        self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
+    pub(super) fn corners_of(&self, face: usize) -> [Corner<T::Wide>; 3] {
+        self.corners.of_face(self.mesh.faces()[face])
     }
 }
 

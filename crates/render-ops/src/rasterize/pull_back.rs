@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::Corner;
+use super::corner::Corners;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
@@ -26,7 +26,7 @@ use crate::homogeneous::missing_factors;
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct WeightPullBack<'a, T: Scalar> {
     pub(super) coverage: &'a Coverage,
-    pub(super) corners: &'a [Corner<T::Wide>],
+    pub(super) corners: Corners<'a, T>,
     pub(super) uv: &'a [T],
     pub(super) uv_bar: &'a [T],
 }
@@ -40,7 +40,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
         if self.uv_bar[entries.clone()].iter().all(|&bar| bar.is_same(T::ZERO)) {
             return rows.fill(T::Wide::ZERO);
         }
-        let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
+        let corners = self.corners.of_face(mesh.faces()[centers.face(slot)]);
         if !has_even_vertices(&corners.map(|corner| corner.vertex), *size) {
             return self.sum_by_edges(slot, fragments, rows);
         }
@@ -60,7 +60,7 @@ impl<T: Scalar> WeightPullBack<'_, T> {
     #[inline(always)]
     fn face(&self, slot: usize) -> LocalFace<T::Wide> {
         let Coverage { mesh, size, centers, .. } = self.coverage;
-        let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
+        let corners = self.corners.of_face(mesh.faces()[centers.face(slot)]);
         let factors = corners.map(|corner| corner.factor);
         let vertices = corners.map(|corner| corner.vertex);
         LocalFace::new(vertices, factors, centers.first_pixel_of(slot), *size)

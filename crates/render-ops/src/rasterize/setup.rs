@@ -387,7 +387,7 @@ fn along<S: Scalar>([one, x, by_y]: [S; 3], y: S) -> [S; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::culling::Verdict;
+    use super::super::culling::{Fate, Verdict};
     use super::*;
 
     /// Of a face that is drawn.
@@ -395,7 +395,8 @@ mod tests {
         let corners = [0, 1, 2].map(|index| Corner::new(clip.as_flattened(), index, size));
         let corners = corners.each_ref();
         let verdict = Verdict::from_corners(corners, [0, 1, 2], size.into(), f64::INFINITY);
-        verdict.is_drawn().then(|| Setup::new(corners, verdict.orientation, size))
+        matches!(verdict.fate, Fate::Drawn(_))
+            .then(|| Setup::new(corners, verdict.orientation, size))
     }
 
     #[test]

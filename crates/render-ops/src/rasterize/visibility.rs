@@ -9,17 +9,19 @@
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. A thread draws bands one after another on one canvas, so that its memory stays in a core's cache.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, resize};
-use super::corner::{Corner, give_one_factor};
-use super::culling::{Extents, Fate, Judge, Verdict};
-use super::filter::{Depths, Filter, Record};
+use super::corner::{Corners, common_factor};
+use super::culling::{Judge, Judged, Listed};
+use super::filter::{Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
+use super::vertices::{self, Measures};
 use crate::coverage::{Coverage, Culled};
 use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
@@ -37,13 +39,14 @@ const ITEMS_TO_SHARE: usize = 1 << 12;
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug, Default)]
 pub(super) struct Visibility<T: Scalar> {
-    pub(super) corners: Vec<Corner<T::Wide>>,
+    /// What all vertices were multiplied by.
+    factor: Option<T::Wide>,
     filter: Filter,
     /// The vertices, as the filter sees them.
     records: Vec<Record>,
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
     pub(super) reaches_behind: bool,
-    verdicts: Vec<Verdict>,
+    judged: Workbench<Judged>,
     /// The X of each column's pixel centres, in whole blocks.
     centers: Vec<T::Wide>,
     /// The Y of each row's.
@@ -69,18 +72,27 @@ impl<T: Scalar> Visibility<T> {
     ) {
         let size = options.size;
         let most_noise = self.prepare_vertices(clip, mesh.vertex_count(), size);
-        let sorted = self.judge_faces(mesh, options, most_noise, layers);
-        self.reaches_behind = sorted.reaches_behind;
-        self.draw_bands(mesh, options, needs, front, layers);
+        let mut orientations = std::mem::take(&mut made(&mut layers[0]).orientations);
+        let culled = self.judge_faces(clip, mesh, options, most_noise, &mut orientations);
+        self.place_pixels(size);
+        let mut bands = std::mem::take(&mut self.bands);
+        let drawn = self.drawn(clip, mesh, options, &orientations);
+        let view = Prepared { needs, front, layers: layers.len(), ..drawn };
+        self.draw_bands(&view, &mut bands, layers);
+        self.bands = bands;
         for (layer, coverage) in layers.iter_mut().enumerate() {
             let coverage = made(coverage);
-            coverage.culled = sorted.culled;
+            coverage.culled = culled;
+            if layer > 0 {
+                coverage.orientations.clone_from(&orientations);
+            }
             coverage.end_centers();
             coverage.boundary.clear();
             if options.sampling.has_pieces() {
                 join_pieces(self.bands(layer), coverage);
             }
         }
+        made(&mut layers[0]).orientations = orientations;
     }
 
     /// Per face: the sign of its area as it is seen, 0 where that is zero within rounding or that side is culled.
@@ -89,128 +101,113 @@ impl<T: Scalar> Visibility<T> {
         clip: &[T],
         options: RasterOptions,
         mesh: &Mesh,
-    ) -> impl Iterator<Item = i8> {
+    ) -> Vec<i8> {
         let most_noise = self.prepare_vertices(clip, mesh.vertex_count(), options.size);
-        self.judge_faces(mesh, options, most_noise, &mut []);
-        self.verdicts.iter().map(|verdict| verdict.orientation)
+        let mut orientations = Vec::new();
+        self.judge_faces(clip, mesh, options, most_noise, &mut orientations);
+        orientations
+    }
+
+    /// The vertices of the mesh that was drawn last, whose positions are `clip`.
+    pub(super) fn corners<'a>(&self, clip: &'a [T], size: Size) -> Corners<'a, T> {
+        Corners::new(clip, size, self.factor)
     }
 
     /// Returns what is at least the rounding of any face's area.
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
-        let Self { corners, records, filter, .. } = self;
-        resize(corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
-        let (mut depths, mut extents) = (Depths::default(), Extents::default());
-        let measure = |corners: &mut [Corner<_>]| {
-            (Depths::from_corners(corners), Extents::from_corners(corners))
-        };
-        let mut add = |(of_depths, of_extents)| {
-            depths = depths.with(of_depths);
-            extents = extents.with(of_extents);
-        };
-        // No f32 is so small or so large that it is multiplied.
-        let are_multiplied = T::from_f64(1e60).is_finite();
-        let prepare = |first, corners: &mut [Corner<_>]| {
-            let fresh = &mut *corners;
+        let Self { records, filter, .. } = self;
+        resize(records, count, Record::default);
+        // No f32 is so small or so large that it is multiplied, and most numbers are not.
+        let mut measures = measure(&Corners::new(clip, size, None), size);
+        self.factor = common_factor(measures.factors);
+        let corners = Corners::new(clip, size, self.factor);
+        if self.factor.is_some() {
+            measures = measure(&corners, size);
+        }
+        *filter = Filter::new(measures.depths, size);
+        let work = |first, records: &mut [Record]| {
             dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
-                    for (index, corner) in (first as u32..).zip(fresh) {
-                        *corner = Corner::new(clip, index, size);
-                    }
+                    // Moved, so that the closure can run only once.
+                    let records = records;
+                    vertices::record(&corners, filter, size, first, records);
                 },
             );
-            // While they are in the cache.
-            if are_multiplied { Default::default() } else { measure(corners) }
         };
-        merge_pieces(corners, prepare, &mut add);
-        if are_multiplied {
-            give_one_factor(corners);
-            merge_pieces(corners, |_, corners| measure(corners), add);
-        }
-        *filter = Filter::new(depths, size);
-        resize(records, count, Record::default);
-        merge_pieces(
-            records,
-            |first, records| {
-                dispatch_256::<T, _>(
-                    #[inline(always)]
-                    || {
-                        for (corner, record) in corners[first..].iter().zip(records) {
-                            *record = filter.record(corner);
-                        }
-                    },
-                );
-            },
-            |()| {},
-        );
-        extents.most_rounding(size)
+        merge_pieces(records, work, |()| {});
+        measures.extents.most_rounding(size)
     }
 
-    /// Judges the faces, and puts them on the lists of bands.
+    /// Judges the faces, whose `orientations` are filled in, and puts them on the lists of bands.
     fn judge_faces(
         &mut self,
+        clip: &[T],
         mesh: &Mesh,
         options: RasterOptions,
         most_noise: T::Wide,
-        layers: &mut [Arc<Coverage>],
-    ) -> Sorted {
-        let Self { corners, records, filter, verdicts, faces: of_bands, .. } = self;
-        let rows = rows_per_band(options.size);
-        of_bands.resize_with(options.size.height.div_ceil(rows), Vec::new);
+        orientations: &mut Vec<i8>,
+    ) -> Culled {
+        let corners = self.corners(clip, options.size);
+        let Self { records, filter, judged, faces: of_bands, reaches_behind, .. } = self;
+        let rows_per_band = rows_per_band(options.size);
+        of_bands.resize_with(options.size.height.div_ceil(rows_per_band), Vec::new);
         of_bands.iter_mut().for_each(Vec::clear);
-        layers.iter_mut().for_each(|layer| made(layer).orientations.clear());
-        let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
-        resize(verdicts, mesh.faces().len(), || degenerate);
-        let mut sorted = Sorted::default();
-        let merge = |(first, verdicts): (usize, &[Verdict])| {
-            sorted.add(first as u32, verdicts, of_bands, rows);
-            for layer in &mut *layers {
-                let orientations = verdicts.iter().map(|verdict| verdict.orientation);
-                made(layer).orientations.extend(orientations);
-            }
+        *reaches_behind = false;
+        resize(orientations, mesh.faces().len(), || 0);
+        let mut culled = Culled::default();
+        let work = |first, orientations: &mut [i8]| {
+            let faces = &mesh.faces()[first..][..orientations.len()];
+            let mut piece = judged.take();
+            dispatch_256::<T, _>(Judge {
+                faces,
+                first,
+                corners,
+                records,
+                filter,
+                options,
+                most_noise,
+                rows_per_band,
+                orientations,
+                judged: &mut piece,
+            });
+            piece
         };
-        merge_pieces(
-            verdicts,
-            |first, verdicts| {
-                let verdicts: &mut [Verdict] = verdicts;
-                let faces = &mesh.faces()[first..][..verdicts.len()];
-                dispatch_256::<T, _>(Judge {
-                    faces,
-                    corners,
-                    records,
-                    filter,
-                    options,
-                    most_noise,
-                    verdicts: &mut *verdicts,
-                });
-                (first, &*verdicts)
-            },
-            merge,
-        );
-        sorted
+        let merge = |piece: Judged| {
+            // In the order of their indices, on which ties of depths rely.
+            for &Listed { face, bands: [first, last] } in piece.listed() {
+                for list in &mut of_bands[first as usize..=last as usize] {
+                    list.push(face);
+                }
+            }
+            culled.add(&piece.culled);
+            *reaches_behind |= piece.reaches_behind;
+            judged.put_back(piece);
+        };
+        merge_pieces(orientations, work, merge);
+        culled
     }
 
-    /// Draws and reads the bands, and joins what is found there.
-    fn draw_bands(
-        &mut self,
-        mesh: &Mesh,
-        options: RasterOptions,
-        needs: bool,
-        front: Option<&Coverage>,
-        layers: &mut [Arc<Coverage>],
-    ) {
-        let size = options.size;
+    /// Says where pixel centres lie.
+    fn place_pixels(&mut self, size: Size) {
         let Self { centers, ys, .. } = self;
         centers.clear();
         let columns = 0..size.width.next_multiple_of(LANES);
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
+    }
+
+    /// Draws and reads the bands, and joins what is found there.
+    fn draw_bands(
+        &self,
+        view: &Prepared<'_, T>,
+        bands: &mut Vec<Vec<Band<T>>>,
+        layers: &mut [Arc<Coverage>],
+    ) {
         layers.iter_mut().for_each(|layer| made(layer).begin_centers());
-        let mut bands = std::mem::take(&mut self.bands);
         bands.resize_with(self.faces.len(), Vec::new);
         let count = layers.len();
-        let view = &Prepared { needs, front, layers: count, ..self.drawn(mesh, options) };
         let is_shared = self.is_drawing_shared(view);
         let pairs = bands.iter_mut().zip(&self.faces).enumerate();
         let draw = |(band, (of_layers, faces)): (usize, (_, &Vec<u32>))| {
@@ -228,7 +225,6 @@ impl<T: Scalar> Visibility<T> {
                 made(layer).add_centers(&band.seen);
             }
         });
-        self.bands = bands;
     }
 
     /// Whether bands are drawn at the same time.
@@ -249,16 +245,18 @@ impl<T: Scalar> Visibility<T> {
     /// What the stages share, of a first layer without a gradient: all that [`Band::weigh`] needs.
     pub(super) fn drawn<'a>(
         &'a self,
+        clip: &'a [T],
         mesh: &'a Mesh,
         RasterOptions { size, sampling, limits, .. }: RasterOptions,
+        orientations: &'a [i8],
     ) -> Prepared<'a, T> {
         Prepared {
             mesh,
             size,
-            corners: &self.corners,
+            corners: self.corners(clip, size),
             filter: self.filter,
             records: &self.records,
-            verdicts: &self.verdicts,
+            orientations,
             centers: &self.centers,
             ys: &self.ys,
             rows: rows_per_band(size),
@@ -284,6 +282,23 @@ impl<T: Scalar> Visibility<T> {
     }
 }
 
+/// What is known of all vertices together.
+fn measure<T: Scalar>(corners: &Corners<'_, T>, size: Size) -> Measures<T::Wide> {
+    let mut measures = Measures::default();
+    let work = |vertices: Range<usize>| {
+        dispatch_256::<T, _>(
+            #[inline(always)]
+            || Measures::new(corners, size, vertices),
+        )
+    };
+    let merge = |others| measures = measures.with(others);
+    let are_shared = is_shared(corners.len(), ITEMS_TO_SHARE);
+    let pieces = 0..corners.len().div_ceil(ITEMS_PER_PIECE);
+    let vertices = |k: usize| k * ITEMS_PER_PIECE..((k + 1) * ITEMS_PER_PIECE).min(corners.len());
+    merge_each(are_shared, pieces.map(vertices), work, merge);
+    measures
+}
+
 /// Calls `merge(work(first, piece))` for each piece of `items`, with the index of its first item, as [`merge_each`].
 fn merge_pieces<'a, I: Send, R: Send>(
     items: &'a mut [I],
@@ -299,41 +314,6 @@ fn merge_pieces<'a, I: Send, R: Send>(
 /// The coverage of a layer that is being made.
 fn made(layer: &mut Arc<Coverage>) -> &mut Coverage {
     Arc::get_mut(layer).expect("nobody else holds it")
-}
-
-/// What comes of sorting faces into bands.
-#[derive(Debug, Default)]
-struct Sorted {
-    culled: Culled,
-    /// Whether some drawn face reaches behind the eye.
-    reaches_behind: bool,
-}
-
-impl Sorted {
-    /// Puts each drawn face, from face `first` on, on the lists of the bands of `rows` rows that it can touch, and
-    /// counts the others.
-    fn add(&mut self, first: u32, verdicts: &[Verdict], bands: &mut [Vec<u32>], rows: usize) {
-        // In 32 bits, whose division takes half the time.
-        let rows = rows as u32;
-        let Self { culled, reaches_behind } = self;
-        for (face, verdict) in (first..).zip(verdicts) {
-            match verdict.fate {
-                Fate::Degenerate => culled.degenerate += 1,
-                Fate::Outside => culled.outside += 1,
-                Fate::Facing => culled.facing += 1,
-                Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
-                    *reaches_behind |= verdict.reaches_behind;
-                    if left <= right && top <= bottom {
-                        let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
-                        // In the order of their indices, on which ties of depths rely.
-                        for list in &mut bands[first..=last] {
-                            list.push(face);
-                        }
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// Joins the pieces of boundary pixels.
@@ -364,6 +344,8 @@ mod tests {
     use bokashi_core::{Tape, Tensor};
     use proptest::prelude::*;
 
+    use super::super::corner::Corner;
+    use super::super::culling::{Fate, Verdict};
     use super::super::depth_layers;
     use super::super::setup::Setup;
     use super::*;
@@ -378,7 +360,8 @@ mod tests {
                 let corners = corners.each_ref();
                 let verdict = Verdict::from_corners(corners, vertices, size.into(), f64::INFINITY);
                 let setup = Setup::new(corners, verdict.orientation, size);
-                let is_seen = verdict.is_drawn() && setup.settled(&setup.row(y), x).is_some();
+                let is_drawn = matches!(verdict.fate, Fate::Drawn(_));
+                let is_seen = is_drawn && setup.settled(&setup.row(y), x).is_some();
                 let depth = is_seen.then(|| setup.depth_at(y, x))?;
                 (-1.0..=1.0).contains(&depth).then_some((depth, face))
             })

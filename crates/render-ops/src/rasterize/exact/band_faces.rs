@@ -11,6 +11,7 @@ use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::corner::Corner;
+use crate::rasterize::culling::Touched;
 use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
 use crate::size::Size;
@@ -49,6 +50,8 @@ pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) rows: Range<usize>,
     pub(in crate::rasterize) faces: &'a [u32],
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
+    /// Which pixels each can touch.
+    pub(in crate::rasterize) touched: &'a [Touched],
 }
 
 /// The box of a face's pixels, or of blocks of them.
@@ -71,12 +74,11 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The stripes of the image that each face may reach into, of `1 << shift` columns.
     #[inline(always)]
     pub(super) fn stripes(&self, shift: u32) -> impl Iterator<Item = u64> {
-        self.faces.iter().map(
+        (0..self.faces.len() as u32).map(
             #[inline(always)]
-            move |&face| {
-                let [_, columns] = self.reach(face);
-                // A face whose box is empty stands in the list, too.
-                if columns.is_empty() { 0 } else { stripes_of(columns, shift) }
+            move |band_face| {
+                let [_, columns] = self.reach(band_face);
+                stripes_of(columns, shift)
             },
         )
     }
@@ -101,7 +103,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             if stripes & marked == 0 {
                 continue;
             }
-            let [rows, columns] = self.reach(self.faces[index]);
+            let [rows, columns] = self.reach(index as u32);
             let columns = (columns.start / block).max(some_columns.start)
                 ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
             let rows = (rows.start - self.rows.start).max(some_rows.start)
@@ -148,16 +150,17 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// The rows of the band and the columns that a face may reach into.
-    pub(super) fn reach(&self, face: u32) -> [Range<usize>; 2] {
-        let [columns, rows] = self.view.touched(face as usize, &self.rows);
+    #[inline(always)]
+    pub(super) fn reach(&self, band_face: u32) -> [Range<usize>; 2] {
+        let [columns, rows] = self.touched[band_face as usize].within(&self.rows);
         [rows, columns]
     }
 
     /// The same of the edge that faces corner `corner`.
-    pub(super) fn reach_of_edge(&self, face: u32, corner: usize) -> [Range<usize>; 2] {
-        let corners = self.view.corners_of(face as usize);
-        let ends = [corners[(corner + 1) % 3], corners[(corner + 2) % 3]];
-        let [rows, columns] = self.reach(face);
+    pub(super) fn reach_of_edge(&self, band_face: u32, corner: usize) -> [Range<usize>; 2] {
+        let corners = self.view.corners_of(self.faces[band_face as usize] as usize);
+        let ends = [&corners[(corner + 1) % 3], &corners[(corner + 2) % 3]];
+        let [rows, columns] = self.reach(band_face);
         let Some([own_columns, own_rows]) = Corner::pixels_between(ends, self.view.size) else {
             return [rows, columns];
         };
@@ -217,7 +220,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     #[inline(always)]
     fn edges_around(&self, band_face: u32, q: [[T::Wide; 2]; 3]) -> [Line<T::Wide>; 3] {
         let face = self.faces[band_face as usize] as usize;
-        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
+        let sign = T::Wide::from_f64(f64::from(self.view.orientations[face]));
         let mut edges = self.weights[band_face as usize].edges;
         for (k, edge) in edges.iter_mut().enumerate() {
             // From vertices relative to the pixel: `one + x X + y Y` of the image would cancel.

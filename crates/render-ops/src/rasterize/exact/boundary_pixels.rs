@@ -83,9 +83,8 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                     return FaceBits::from(is_beyond) << BEYOND;
                 }
                 let neighbors = adjacency.neighbors(face as usize);
-                let is_before = |beyond: Neighbor| {
-                    beyond.face < face && view.verdicts[beyond.face as usize].is_drawn()
-                };
+                let is_before =
+                    |beyond: Neighbor| beyond.face < face && view.is_drawn(beyond.face as usize);
                 let second =
                     each_edge(|k| marked >> k & 1 == 1 && neighbors[k].is_some_and(is_before));
                 marked
@@ -94,13 +93,13 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                     | FaceBits::from(is_beyond) << BEYOND
             },
         ));
-        for (index, (&face, &bits)) in (0..).zip(band.faces.iter().zip(&*face_bits)) {
+        for (index, &bits) in (0..).zip(&*face_bits) {
             let mut own = own_edges(bits);
             while own != 0 {
                 let corner = own.trailing_zeros() as usize;
                 own &= own - 1;
                 // An edge of two faces is marked once, by the face that stands for it.
-                let [rows, columns] = band.reach_of_edge(face, corner);
+                let [rows, columns] = band.reach_of_edge(index, corner);
                 let [one, x, y] = band.weights[index as usize].edges[corner];
                 let start = one + x * view.centers[0];
                 for row in rows {
@@ -109,7 +108,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                 }
             }
             if bits >> BEYOND & 1 == 1 {
-                let [rows, columns] = band.reach(face);
+                let [rows, columns] = band.reach(index);
                 for row in rows {
                     let [depth, x, y] = band.depth(index, view.centers[0], view.ys[row]);
                     // Where depth = +-1 crosses the face's pixels.

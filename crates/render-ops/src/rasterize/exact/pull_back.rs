@@ -20,14 +20,14 @@ use super::polygon::line_bar;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
-use crate::rasterize::corner::Corner;
+use crate::rasterize::corner::Corners;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
 pub(in crate::rasterize) struct PiecePullBack<'a, T: Scalar> {
     pub(in crate::rasterize) mesh: &'a Mesh,
     pub(in crate::rasterize) size: Size,
-    pub(in crate::rasterize) corners: &'a [Corner<T::Wide>],
+    pub(in crate::rasterize) corners: Corners<'a, T>,
     /// The faces that were drawn in the band.
     pub(in crate::rasterize) faces: &'a [u32],
     pub(in crate::rasterize) pieces: &'a Pieces<T::Wide>,
@@ -69,7 +69,7 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     #[inline(never)]
     fn new<T: Scalar<Wide = S>>(band: &PiecePullBack<'_, T>, band_face: u32, pixel: usize) -> Self {
         let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
-        let corners = indices.map(|vertex| &band.corners[vertex as usize]);
+        let corners = band.corners.of_face(indices);
         let vertices = corners.map(|corner| corner.vertex);
         let factors = corners.map(|corner| corner.factor);
         let face = LocalFace::new(vertices, factors, pixel, band.size);

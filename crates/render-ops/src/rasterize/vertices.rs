@@ -1,0 +1,133 @@
+//! What is asked of all vertices before any face is: eight of them side by side.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+use super::corner::{Corner, Corners};
+use super::culling::Extents;
+use super::filter::{Depths, EIGHT, Eight, Filter, Record};
+use crate::homogeneous::Vertex;
+use crate::order::smaller;
+use crate::size::Size;
+
+/// What is known of some vertices together.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measures<S> {
+    pub(super) depths: Depths,
+    pub(super) extents: Extents<S>,
+    /// The smallest and the largest of what they are multiplied by.
+    pub(super) factors: [S; 2],
+}
+
+impl<S: Scalar<Wide = S>> Default for Measures<S> {
+    fn default() -> Self {
+        let factors = [S::from_f64(f64::INFINITY), S::ZERO];
+        Self { depths: Depths::default(), extents: Extents::default(), factors }
+    }
+}
+
+impl<S: Scalar<Wide = S>> Measures<S> {
+    /// Of the vertices of these indices.
+    #[inline(always)]
+    pub(super) fn new<T: Scalar<Wide = S>>(
+        corners: &Corners<'_, T>,
+        size: Size,
+        vertices: Range<usize>,
+    ) -> Self {
+        let mut lanes = [Self::default(); EIGHT];
+        for first in vertices.clone().step_by(EIGHT) {
+            let eight = eight_from(corners, first, vertices.end);
+            for k in 0..EIGHT {
+                lanes[k] = lanes[k].with(Self::of_corner(&eight.corner(k), size));
+            }
+        }
+        lanes.into_iter().fold(Self::default(), Self::with)
+    }
+
+    #[inline(always)]
+    fn of_corner(corner: &Corner<S>, size: Size) -> Self {
+        let Vertex { x, y, z, w } = corner.vertex;
+        let (depth, is_tame) = (corner.depth(), corner.is_tame(size));
+        let depths = Depths {
+            least: if is_tame { depth } else { f64::INFINITY },
+            largest: if is_tame { depth } else { f64::NEG_INFINITY },
+            largest_z: z.abs().to_f64(),
+        };
+        let extents = Extents([x, y, w].map(S::abs));
+        Self { depths, extents, factors: [corner.factor; 2] }
+    }
+
+    /// Those of other vertices, too.
+    #[inline(always)]
+    pub(super) fn with(self, others: Self) -> Self {
+        let ([least, most], [other_least, other_most]) = (self.factors, others.factors);
+        Self {
+            depths: self.depths.with(others.depths),
+            extents: self.extents.with(others.extents),
+            factors: [
+                smaller(least, other_least),
+                if most > other_most { most } else { other_most },
+            ],
+        }
+    }
+}
+
+/// Writes the records of the vertices from `first` on.
+#[inline(always)]
+pub(super) fn record<T: Scalar>(
+    corners: &Corners<'_, T>,
+    filter: &Filter,
+    size: Size,
+    first: usize,
+    records: &mut [Record],
+) {
+    let end = first + records.len();
+    let fresh = |first: usize| -> Eight<Record> {
+        let eight = eight_from(corners, first, end);
+        std::array::from_fn(|k| filter.record(&eight.corner(k), size))
+    };
+    let (blocks, rest) = records.as_chunks_mut::<EIGHT>();
+    for (first, records) in (first..).step_by(EIGHT).zip(blocks) {
+        *records = fresh(first);
+    }
+    if !rest.is_empty() {
+        rest.copy_from_slice(&fresh(end - rest.len())[..rest.len()]);
+    }
+}
+
+/// Eight vertices, number by number.
+struct EightCorners<S> {
+    x: Eight<S>,
+    y: Eight<S>,
+    z: Eight<S>,
+    w: Eight<S>,
+    factors: Eight<S>,
+}
+
+impl<S: Scalar> EightCorners<S> {
+    #[inline(always)]
+    fn corner(&self, k: usize) -> Corner<S> {
+        let Self { x, y, z, w, factors } = self;
+        let vertex = Vertex { x: x[k], y: y[k], z: z[k], w: w[k] };
+        Corner { vertex, factor: factors[k] }
+    }
+}
+
+/// The vertices from `first` on. Where there are fewer than eight before `end`, the last one takes part several times.
+#[inline(always)]
+fn eight_from<T: Scalar>(
+    corners: &Corners<'_, T>,
+    first: usize,
+    end: usize,
+) -> EightCorners<T::Wide> {
+    let zero = [T::Wide::ZERO; EIGHT];
+    let mut eight = EightCorners { x: zero, y: zero, z: zero, w: zero, factors: zero };
+    for k in 0..EIGHT {
+        let Corner { vertex: Vertex { x, y, z, w }, factor } =
+            corners.at((first + k).min(end - 1) as u32);
+        (eight.x[k], eight.y[k], eight.z[k], eight.w[k]) = (x, y, z, w);
+        eight.factors[k] = factor;
+    }
+    eight
+}
