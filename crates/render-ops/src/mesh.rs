@@ -1,5 +1,6 @@
 //! Triangle meshes: which vertices make a face, and which faces share an edge.
 
+use std::num::NonZeroU32;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -116,7 +117,7 @@ impl Mesh {
         let is_seam = |face: usize, corner: usize| {
             is_seam(face, corner)
                 || self.adjacency().neighbor(face, corner).is_some_and(|neighbor| {
-                    let other = neighbor.face as usize;
+                    let other = neighbor.face();
                     let is_same = |k: &usize| edge(other, *k) == edge(face, corner);
                     (0..3).filter(is_same).any(|k| is_seam(other, k))
                 })
@@ -174,8 +175,7 @@ impl Mesh {
     pub(crate) fn silhouettes_of(&self, face: usize, orientation: impl Fn(usize) -> i8) -> u8 {
         let own = orientation(face);
         let bit = |neighbor: &Option<Neighbor>| {
-            neighbor
-                .is_none_or(|neighbor| neighbor.is_turned(own, orientation(neighbor.face as usize)))
+            neighbor.is_none_or(|neighbor| neighbor.is_turned(own, orientation(neighbor.face())))
         };
         // Not by `map`, which would be a call.
         let [a, b, c] = self.adjacency().neighbors(face);
@@ -233,24 +233,33 @@ pub struct Adjacency {
     crowded_edges: usize,
 }
 
-/// The other face at an edge.
+/// The other face at an edge, and whether it runs through the edge's vertices in the other order, as neighbours in an
+/// oriented surface do: the last bit. In four bytes, for a fine mesh waits for memory.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Neighbor {
-    pub(crate) face: u32,
-    /// Which of its corners faces the edge.
-    pub(crate) corner: u8,
-    /// Whether it runs through the edge's vertices in the other order, as neighbours in an oriented
-    /// surface do.
-    pub(crate) is_opposite: bool,
-}
+pub(crate) struct Neighbor(NonZeroU32);
 
 impl Neighbor {
+    fn new(face: u32, is_opposite: bool) -> Self {
+        let bits = 2 * face + u32::from(is_opposite);
+        Self(NonZeroU32::MIN.checked_add(bits).expect("fewer than 2^31 faces"))
+    }
+
+    #[inline(always)]
+    pub(crate) fn face(self) -> usize {
+        ((self.0.get() - 1) >> 1) as usize
+    }
+
+    #[inline(always)]
+    fn is_opposite(self) -> bool {
+        (self.0.get() - 1) & 1 == 1
+    }
+
     /// Whether both faces, of these orientations, lie on the same side of the edge in the image, or
     /// one of them covers neither.
     #[inline]
     pub(crate) fn is_turned(self, orientation: i8, other: i8) -> bool {
         let product = orientation * other;
-        if self.is_opposite { product <= 0 } else { product >= 0 }
+        if self.is_opposite() { product <= 0 } else { product >= 0 }
     }
 }
 
@@ -271,15 +280,22 @@ impl SharedEdge {
     fn all(faces: &[[u32; 3]], adjacency: &Adjacency) -> Vec<Self> {
         let count = adjacency.neighbors.as_flattened().iter().flatten().count() / 2;
         let mut edges = Vec::with_capacity(count);
-        for (face, neighbors) in (0..).zip(&adjacency.neighbors) {
-            for (corner, neighbor) in (0..).zip(neighbors) {
-                let Some(Neighbor { face: other, corner: third, is_opposite }) = *neighbor else {
-                    continue;
-                };
+        for (face, neighbors) in adjacency.neighbors.iter().enumerate() {
+            for (corner, neighbor) in neighbors.iter().enumerate() {
+                let Some(neighbor) = *neighbor else { continue };
+                let other = neighbor.face();
                 if other > face {
-                    let (faces_of_edge, corners) = ([face, other], [corner, third]);
-                    let mut edge =
-                        Self { vertices: [0; 4], faces: faces_of_edge, corners, is_opposite };
+                    let is_beyond = |k: &usize| {
+                        adjacency.neighbor(other, *k).is_some_and(|back| back.face() == face)
+                            && adjacency.across[other][*k] == faces[face][corner]
+                    };
+                    let third = (0..3).find(is_beyond).expect("both faces have the edge");
+                    let mut edge = Self {
+                        vertices: [0; 4],
+                        faces: [face as u32, other as u32],
+                        corners: [corner as u8, third as u8],
+                        is_opposite: neighbor.is_opposite(),
+                    };
                     let [p, q, s, r, ..] = edge.corners_of(faces);
                     edge.vertices = [p, q, s, r];
                     edges.push(edge);
@@ -319,11 +335,8 @@ impl Adjacency {
                     adjacency.across[f][j] = faces[g][k];
                     adjacency.across[g][k] = faces[f][j];
                     let is_opposite = one.rises != other.rises;
-                    let neighbor = |face: usize, corner: usize| {
-                        Some(Neighbor { face: face as u32, corner: corner as u8, is_opposite })
-                    };
-                    adjacency.neighbors[f][j] = neighbor(g, k);
-                    adjacency.neighbors[g][k] = neighbor(f, j);
+                    adjacency.neighbors[f][j] = Some(Neighbor::new(other.face, is_opposite));
+                    adjacency.neighbors[g][k] = Some(Neighbor::new(one.face, is_opposite));
                 }
                 _ => adjacency.crowded_edges += 1,
             }

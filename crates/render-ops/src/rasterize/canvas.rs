@@ -25,12 +25,17 @@ pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
     }
 }
 
-/// What is seen in a band.
+/// What is seen at the pixel centres of a band.
+#[derive(Debug, Default)]
+pub(super) struct Seen {
+    pub(super) runs: BandRuns,
+    /// Per slot: whether some pixel that its face covered had to be settled.
+    pub(super) were_settled: Vec<bool>,
+}
+
+/// What is seen in the boundary pixels of a band.
 #[derive(Debug, Default)]
 pub(super) struct Band<T: Scalar> {
-    pub(super) seen: BandRuns,
-    /// Per slot: whether some pixel that its face covered had to be settled.
-    were_settled: Vec<bool>,
     pub(super) pieces: Pieces<T::Wide>,
     /// The pieces as fragments.
     pub(super) piece_fragments: PieceFragments<T>,
@@ -59,7 +64,9 @@ pub(super) struct Draw<'a, T: Scalar> {
     pub(super) view: &'a Prepared<'a, T>,
     pub(super) rows: Range<usize>,
     pub(super) faces: &'a [u32],
-    pub(super) layers: &'a mut [Band<T>],
+    /// Per layer.
+    pub(super) seen: &'a mut [Seen],
+    pub(super) bands: &'a mut [Band<T>],
 }
 
 /// Not as a closure, which would not be compiled for the vectors that were found.
@@ -68,8 +75,8 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, simd: V) {
-        let Self { canvas, view, rows, faces, layers } = self;
-        canvas.run(simd, view, rows, faces, layers);
+        let Self { canvas, view, rows, faces, seen, bands } = self;
+        canvas.run(simd, view, rows, faces, (seen, bands));
     }
 }
 
@@ -120,21 +127,21 @@ impl<T: Scalar> Canvas<T> {
         view: &Prepared<'_, T>,
         rows: Range<usize>,
         faces: &[u32],
-        layers: &mut [Band<T>],
+        (seen, bands): (&mut [Seen], &mut [Band<T>]),
     ) {
         self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
         self.draw_layers(simd, view, rows.clone(), faces);
         if view.sampling.has_pieces() {
-            self.resolve(view, &mut layers[0], rows.clone(), faces);
+            self.resolve(view, &mut bands[0], rows.clone(), faces);
         }
         if view.front.is_some() {
             self.plane.forget_rows(rows.len());
         }
-        for (layer, band) in layers.iter_mut().enumerate() {
+        for (layer, seen) in seen.iter_mut().enumerate() {
             let behind = layer.checked_sub(view.layers - self.peeling.layers.len());
             self.exchange_layer(behind);
-            self.read(view, band, rows.clone(), faces);
+            self.read(view, seen, rows.clone(), faces);
             self.exchange_layer(behind);
         }
     }
@@ -264,15 +271,9 @@ impl<T: Scalar> Canvas<T> {
 
     /// Reads the plane as the runs of a layer of a band, and forgets what was drawn there.
     #[inline(always)]
-    fn read(
-        &mut self,
-        view: &Prepared<'_, T>,
-        band: &mut Band<T>,
-        rows: Range<usize>,
-        faces: &[u32],
-    ) {
+    fn read(&mut self, view: &Prepared<'_, T>, seen: &mut Seen, rows: Range<usize>, faces: &[u32]) {
         let Self { plane, reader, were_settled, .. } = self;
-        let seen = &mut band.seen;
+        let Seen { runs: seen, were_settled: of_slots } = seen;
         reader.begin(faces.len(), seen);
         for (local, row) in rows.enumerate() {
             reader.begin_row(seen);
@@ -284,24 +285,36 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         plane.reached_by_small = [usize::MAX, 0];
-        band.were_settled.clear();
-        band.were_settled.extend(reader.seen().iter().map(|&drawn| were_settled[drawn as usize]));
+        of_slots.clear();
+        of_slots.extend(reader.seen().iter().map(|&drawn| were_settled[drawn as usize]));
         reader.end(|drawn| faces[drawn as usize], seen);
     }
 }
 
-impl<T: Scalar> Band<T> {
-    /// Writes the weights u and v of each fragment.
+/// The work of weighing a band, whose `barycentrics` are written: not as a closure, as [`Draw`].
+pub(super) struct Weigh<'a, T: Scalar> {
+    pub(super) view: &'a Prepared<'a, T>,
+    pub(super) runs: &'a Runs,
+    pub(super) slots: Range<usize>,
+    /// The first fragment.
+    pub(super) first: usize,
+    /// Of all slots.
+    pub(super) were_settled: &'a [bool],
+    pub(super) barycentrics: &'a mut [T],
+}
+
+impl<T: Scalar> pulp::WithSimd for Weigh<'_, T> {
+    type Output = ();
+
     #[inline(always)]
-    pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
-        let Runs { runs, slots, .. } = &self.seen.runs;
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { view, runs, slots, first, were_settled, barycentrics } = self;
         let Prepared { centers, ys, size: Size { width, .. }, .. } = *view;
         // From a row to the next, exactly.
         let two = T::Wide::from_f64(2.0);
-        let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
-        for ((slot, end), &was_settled) in slots.iter().zip(ends).zip(&self.were_settled) {
-            let weights = view.weights(slot.face as usize, was_settled);
-            let of_slot = &runs[slot.first_run as usize..end];
+        for slot in slots {
+            let (face, of_slot) = (runs.face(slot), runs.in_slot(slot));
+            let weights = view.weights(face, were_settled[slot]);
             let [row, column] = view.size.row_and_column(of_slot[0].pixel as usize);
             let mut start = of_slot[0].pixel as usize - column;
             let mut y = ys[row];
@@ -316,33 +329,15 @@ impl<T: Scalar> Band<T> {
                     }
                 }
                 let column = pixel - start;
-                let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
+                let barycentrics = &mut barycentrics[2 * (run.fragment as usize - first)..];
                 let centers = &centers[column..];
                 if weights.is_plain {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {
-                    let face = slot.face as usize;
-                    let setup = view.setup(face);
                     let target = &mut barycentrics[..2 * length];
-                    setup.weigh_one_by_one(y, &centers[..length], target);
+                    view.setup(face).weigh_one_by_one(y, &centers[..length], target);
                 }
             }
         }
-    }
-}
-
-/// The work of weighing a band: not as a closure, as [`Draw`].
-pub(super) struct Weigh<'a, T: Scalar> {
-    pub(super) view: &'a Prepared<'a, T>,
-    pub(super) band: &'a Band<T>,
-    pub(super) barycentrics: &'a mut [T],
-}
-
-impl<T: Scalar> pulp::WithSimd for Weigh<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
-        self.band.weigh(self.view, self.barycentrics);
     }
 }

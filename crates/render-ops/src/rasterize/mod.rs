@@ -55,6 +55,7 @@ use self::visibility::Visibility;
 use crate::boundary::BoundaryCounts;
 use crate::coverage::Coverage;
 use crate::creases::mark_creases;
+use crate::dispatch::dispatch;
 use crate::error::RenderError;
 use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
@@ -240,13 +241,13 @@ impl<T: Scalar> Saved<T> {
 }
 
 /// Lets `work` fill the parts of a whole, side by side from its front, perhaps at the same time. Each
-/// part comes with its length. Returns what is left of the whole.
+/// part comes with its length.
 fn fill_parts<T: Scalar, P: Send + Sync>(
     whole: &mut [T],
     parts: impl ExactSizeIterator<Item = (usize, P)> + Send,
     are_shared: bool,
     work: impl Fn(&mut [T], &P) + Send + Sync,
-) -> &mut [T] {
+) {
     let mut left = whole;
     let pairs = parts.map(|(length, part)| {
         let (target, rest) = std::mem::take(&mut left).split_at_mut(length);
@@ -254,7 +255,6 @@ fn fill_parts<T: Scalar, P: Send + Sync>(
         (target, part)
     });
     merge_each(are_shared, pairs, |(target, part): (&mut [T], P)| work(target, &part), |()| {});
-    left
 }
 
 impl Rasterize {
@@ -276,14 +276,15 @@ impl Rasterize {
                 (barycentrics, Some(weights))
             }
         };
-        let are_shared = coverage.centers.is_shared();
+        let (runs, were_settled) = (&coverage.centers, visibility.were_settled(layer));
         let view = &visibility.drawn(clip, &self.mesh, self.options, &coverage.orientations);
-        let of_bands = visibility.bands(layer).map(|band| (2 * band.seen.runs.count, band));
-        let rest = fill_parts(barycentrics, of_bands, are_shared, |barycentrics, &band| {
-            crate::dispatch::dispatch::<T, _>(Weigh { view, band, barycentrics });
+        let (at_centers, rest) = barycentrics.split_at_mut(2 * runs.count);
+        runs.for_each_band_mut(2, at_centers, |slots, first, barycentrics| {
+            dispatch::<T, _>(Weigh { view, runs, slots, first, were_settled, barycentrics });
         });
         if let Some(weights) = weights {
             let copy = |target: &mut [T], part: &&[T]| target.copy_from_slice(part);
+            let are_shared = runs.is_shared();
             let of_pieces = visibility.bands(layer).map(|band| &band.piece_fragments);
             let means = of_pieces
                 .clone()

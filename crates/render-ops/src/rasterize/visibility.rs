@@ -15,7 +15,7 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
-use super::canvas::{Band, Canvas, Draw, resize};
+use super::canvas::{Band, Canvas, Draw, Seen, resize};
 use super::corner::{Corners, common_factor};
 use super::culling::{Judge, Judged, Listed};
 use super::filter::{Filter, Record};
@@ -54,7 +54,10 @@ pub(super) struct Visibility<T: Scalar> {
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
     canvases: Workbench<Canvas<T>>,
-    /// Per band: what is seen there of each layer.
+    seen: Workbench<Vec<Seen>>,
+    /// Per layer and slot: whether some pixel that its face covered had to be settled.
+    were_settled: Vec<Vec<bool>>,
+    /// Per band: what is seen in boundary pixels of each layer.
     bands: Vec<Vec<Band<T>>>,
 }
 
@@ -75,11 +78,14 @@ impl<T: Scalar> Visibility<T> {
         let mut orientations = std::mem::take(&mut made(&mut layers[0]).orientations);
         let culled = self.judge_faces(clip, mesh, options, most_noise, &mut orientations);
         self.place_pixels(size);
+        let mut were_settled = std::mem::take(&mut self.were_settled);
+        were_settled.resize_with(layers.len(), Vec::new);
+        were_settled.iter_mut().for_each(Vec::clear);
         let mut bands = std::mem::take(&mut self.bands);
         let drawn = self.drawn(clip, mesh, options, &orientations);
         let view = Prepared { needs, front, layers: layers.len(), ..drawn };
-        self.draw_bands(&view, &mut bands, layers);
-        self.bands = bands;
+        self.draw_bands(&view, &mut bands, (layers, &mut were_settled));
+        (self.bands, self.were_settled) = (bands, were_settled);
         for (layer, coverage) in layers.iter_mut().enumerate() {
             let coverage = made(coverage);
             coverage.culled = culled;
@@ -203,27 +209,32 @@ impl<T: Scalar> Visibility<T> {
         &self,
         view: &Prepared<'_, T>,
         bands: &mut Vec<Vec<Band<T>>>,
-        layers: &mut [Arc<Coverage>],
+        (layers, were_settled): (&mut [Arc<Coverage>], &mut [Vec<bool>]),
     ) {
         layers.iter_mut().for_each(|layer| made(layer).begin_centers());
         bands.resize_with(self.faces.len(), Vec::new);
         let count = layers.len();
         let is_shared = self.is_drawing_shared(view);
         let pairs = bands.iter_mut().zip(&self.faces).enumerate();
-        let draw = |(band, (of_layers, faces)): (usize, (_, &Vec<u32>))| {
-            let of_layers: &mut Vec<Band<T>> = of_layers;
-            of_layers.resize_with(count, Band::default);
+        let draw = |(band, (bands, faces)): (usize, (&mut Vec<Band<T>>, &Vec<u32>))| {
+            bands.resize_with(count, Band::default);
+            // So that it stays in a core's cache, too, until it is joined.
+            let mut seen = self.seen.take();
+            seen.resize_with(count, Seen::default);
             let rows = view.band(band);
             self.canvases.with(|canvas| {
-                let draw = Draw { canvas, view, rows, faces, layers: &mut *of_layers };
-                dispatch_256::<T, _>(draw);
+                let seen = &mut *seen;
+                dispatch_256::<T, _>(Draw { canvas, view, rows, faces, seen, bands });
             });
-            &*of_layers
+            seen
         };
-        merge_each(is_shared, pairs, draw, |of_layers| {
-            for (band, layer) in of_layers.iter().zip(&mut *layers) {
-                made(layer).add_centers(&band.seen);
+        merge_each(is_shared, pairs, draw, |seen: Vec<Seen>| {
+            let of_layers = layers.iter_mut().zip(&mut *were_settled);
+            for (Seen { runs, were_settled }, (layer, of_slots)) in seen.iter().zip(of_layers) {
+                made(layer).add_centers(runs);
+                of_slots.extend(were_settled);
             }
+            self.seen.put_back(seen);
         });
     }
 
@@ -271,6 +282,11 @@ impl<T: Scalar> Visibility<T> {
     /// The faces that can touch each band.
     pub(super) fn faces(&self) -> &[Vec<u32>] {
         &self.faces
+    }
+
+    /// Per slot of a layer: whether some pixel that its face covered had to be settled.
+    pub(super) fn were_settled(&self, layer: usize) -> &[bool] {
+        &self.were_settled[layer]
     }
 
     /// The bands of a layer, from the top.

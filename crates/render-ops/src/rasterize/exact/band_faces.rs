@@ -191,7 +191,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
             // Across a seam inside the surface both faces still lie side by side.
-            Some(neighbor) if ends >> k & 1 == 0 => neighbor.face,
+            Some(neighbor) if ends >> k & 1 == 0 => neighbor.face() as u32,
             _ => NO_FACE,
         });
         let q = vertices.map(|vertex| vertex.relative_to(x, y));

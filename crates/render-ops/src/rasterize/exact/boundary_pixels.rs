@@ -83,8 +83,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                     return FaceBits::from(is_beyond) << BEYOND;
                 }
                 let neighbors = adjacency.neighbors(face as usize);
-                let is_before =
-                    |beyond: Neighbor| beyond.face < face && view.is_drawn(beyond.face as usize);
+                let is_before = |beyond: Neighbor| {
+                    beyond.face() < face as usize && view.is_drawn(beyond.face())
+                };
                 let second =
                     each_edge(|k| marked >> k & 1 == 1 && neighbors[k].is_some_and(is_before));
                 marked
