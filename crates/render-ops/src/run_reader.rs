@@ -33,7 +33,9 @@ pub(crate) struct BandRuns {
 pub(crate) struct RunReader {
     /// Per face: its slot, once it was seen. Between bands nothing is.
     slot_of: Vec<u32>,
-    /// Per slot: the number of its face.
+    /// How many slots there are.
+    slots: u32,
+    /// Per slot: the number of its face; with room for as many slots as faces, and one.
     drawn_of_slot: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
     read: Vec<Run>,
@@ -47,10 +49,12 @@ impl RunReader {
         band.row_starts.clear();
         band.covered.clear();
         self.read.clear();
-        self.drawn_of_slot.clear();
+        self.slots = 0;
         self.places.clear();
+        self.places.resize(faces, 0);
         if self.slot_of.len() < faces {
             self.slot_of.resize(faces, NO_SLOT);
+            self.drawn_of_slot.resize(faces + 1, 0);
         }
     }
 
@@ -96,27 +100,28 @@ impl RunReader {
             _ => covered.push([pixel, pixel + length]),
         }
         // Slots are numbered as they are seen, so that their order, and with it the order of
-        // all sums, does not depend on that of the mesh's faces.
+        // all sums, does not depend on that of the mesh's faces. Without a branch: whether a face is new can't be
+        // foretold.
         let slot = &mut self.slot_of[drawn as usize];
-        if *slot == NO_SLOT {
-            *slot = self.drawn_of_slot.len() as u32;
-            self.drawn_of_slot.push(drawn);
-            self.places.push(0);
-        }
+        let is_new = *slot == NO_SLOT;
+        *slot = if is_new { self.slots } else { *slot };
+        self.drawn_of_slot[self.slots as usize] = drawn;
+        self.slots += u32::from(is_new);
         self.places[*slot as usize] += 1;
         self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
     }
 
     /// The numbers of the faces that were seen, slot by slot.
     pub(crate) fn seen(&self) -> &[u32] {
-        &self.drawn_of_slot
+        &self.drawn_of_slot[..self.slots as usize]
     }
 
     /// Ends the band: sorts the runs by slot, those of one slot stay in order, and gives them their fragments.
     /// `face_of` has the face of each number.
     #[inline(always)]
     pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
-        let Self { slot_of, drawn_of_slot, read, places } = self;
+        let Self { slot_of, read, places, .. } = self;
+        let drawn_of_slot = &self.drawn_of_slot[..self.slots as usize];
         drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
         let BandRuns { runs: Runs { runs: sorted, slots, count, .. }, by_pixel, .. } = band;
         slots.clear();
