@@ -1,6 +1,6 @@
 //! From rows of pixels to the runs of a band.
 
-use crate::runs::{Run, Runs, Slot};
+use crate::runs::{Run, Slot};
 
 /// Stands for "no face was drawn".
 pub(crate) const NO_FACE: u32 = u32::MAX;
@@ -19,13 +19,24 @@ pub(crate) struct RunStart {
 /// What is seen in a band, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
 pub(crate) struct BandRuns {
-    pub(crate) runs: Runs,
+    /// In the order of their fragments; behind them are some of other bands, which are not cleared.
+    runs: Vec<Run>,
+    pub(crate) slots: Vec<Slot>,
+    /// The number of fragments.
+    pub(crate) count: usize,
     /// The runs in the order of their pixels.
     pub(crate) by_pixel: Vec<RunStart>,
     /// Where in `by_pixel` each row starts.
     pub(crate) row_starts: Vec<u32>,
     /// The pixels that are covered, as ranges.
     pub(crate) covered: Vec<[u32; 2]>,
+}
+
+impl BandRuns {
+    /// In the order of their fragments.
+    pub(crate) fn runs(&self) -> &[Run] {
+        &self.runs[..self.by_pixel.len()]
+    }
 }
 
 /// Reads bands one after another. A face goes by the number that it was drawn with in the band.
@@ -67,7 +78,10 @@ impl RunReader {
     /// Reads pixels of the row, of which the first is `pixel`: the face that each of them sees.
     #[inline(always)]
     pub(crate) fn read(&mut self, faces: &[u32], pixel: u32, band: &mut BandRuns) {
-        let covered = &mut band.covered;
+        // The range that perhaps goes on.
+        let covered = band.covered.pop().unwrap_or([pixel; 2]);
+        let mut push = Push { reader: self, slots: 0, covered, band };
+        push.slots = push.reader.slots;
         let (mut start, end) = (0, faces.len());
         let (before, after) = (&faces[..end - 1], &faces[1..]);
         let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
@@ -81,34 +95,13 @@ impl RunReader {
                 .fold(0, |changes, (k, (a, b))| changes | u32::from(a != b) << k);
             while changes != 0 {
                 let end = from + changes.trailing_zeros() as usize;
-                self.push(faces[start], pixel + start as u32, (end - start) as u32, covered);
+                push.run(faces[start], pixel + start as u32, (end - start) as u32);
                 start = end;
                 changes &= changes - 1;
             }
         }
-        self.push(faces[start], pixel + start as u32, (end - start) as u32, covered);
-    }
-
-    /// Writes down `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
-    #[inline(always)]
-    fn push(&mut self, drawn: u32, pixel: u32, length: u32, covered: &mut Vec<[u32; 2]>) {
-        if drawn == NO_FACE {
-            return;
-        }
-        match covered.last_mut() {
-            Some([_, end]) if *end == pixel => *end += length,
-            _ => covered.push([pixel, pixel + length]),
-        }
-        // Slots are numbered as they are seen, so that their order, and with it the order of
-        // all sums, does not depend on that of the mesh's faces. Without a branch: whether a face is new can't be
-        // foretold.
-        let slot = &mut self.slot_of[drawn as usize];
-        let is_new = *slot == NO_SLOT;
-        *slot = if is_new { self.slots } else { *slot };
-        self.drawn_of_slot[self.slots as usize] = drawn;
-        self.slots += u32::from(is_new);
-        self.places[*slot as usize] += 1;
-        self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
+        push.run(faces[start], pixel + start as u32, (end - start) as u32);
+        push.end();
     }
 
     /// The numbers of the faces that were seen, slot by slot.
@@ -123,7 +116,7 @@ impl RunReader {
         let Self { slot_of, read, places, .. } = self;
         let drawn_of_slot = &self.drawn_of_slot[..self.slots as usize];
         drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
-        let BandRuns { runs: Runs { runs: sorted, slots, count, .. }, by_pixel, .. } = band;
+        let BandRuns { runs, slots, count, by_pixel, .. } = band;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.
         let mut first_run = 0;
@@ -132,15 +125,17 @@ impl RunReader {
             first_run += std::mem::replace(position, first_run);
             slot
         }));
-        // Whatever they held, since each is written.
-        sorted.resize(read.len(), Run::default());
-        by_pixel.resize(read.len(), RunStart::default());
-        for (run, start) in read.iter().zip(by_pixel) {
+        if runs.len() < read.len() {
+            runs.resize(read.len(), Run::default());
+        }
+        let sorted = &mut runs[..read.len()];
+        by_pixel.clear();
+        by_pixel.extend(read.iter().map(|run| {
             let position = &mut places[run.slot as usize];
             sorted[*position as usize] = *run;
-            *start = RunStart { pixel: run.pixel, run: *position };
             *position += 1;
-        }
+            RunStart { pixel: run.pixel, run: *position - 1 }
+        }));
         // In this order a face's fragments in the band lie side by side.
         let mut fragment = 0;
         for run in sorted {
@@ -148,5 +143,53 @@ impl RunReader {
             fragment += run.length;
         }
         *count = fragment as usize;
+    }
+}
+
+/// The runs of a row as they are written down. What changes from run to run is kept here, in registers.
+struct Push<'a> {
+    reader: &'a mut RunReader,
+    /// How many slots there are.
+    slots: u32,
+    /// The last range of pixels that are covered.
+    covered: [u32; 2],
+    band: &'a mut BandRuns,
+}
+
+impl Push<'_> {
+    /// Writes down `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
+    #[inline(always)]
+    fn run(&mut self, drawn: u32, pixel: u32, length: u32) {
+        if drawn == NO_FACE {
+            return;
+        }
+        if pixel != self.covered[1] {
+            self.end_range();
+            self.covered[0] = pixel;
+        }
+        self.covered[1] = pixel + length;
+        let RunReader { slot_of, drawn_of_slot, places, read, .. } = &mut *self.reader;
+        // Slots are numbered as they are seen, so that their order, and with it the order of
+        // all sums, does not depend on that of the mesh's faces. Without a branch: whether a face is new can't be
+        // foretold.
+        let slot = &mut slot_of[drawn as usize];
+        let is_new = *slot == NO_SLOT;
+        *slot = if is_new { self.slots } else { *slot };
+        drawn_of_slot[self.slots as usize] = drawn;
+        self.slots += u32::from(is_new);
+        places[*slot as usize] += 1;
+        read.push(Run { slot: *slot, pixel, length, fragment: 0 });
+    }
+
+    fn end_range(&mut self) {
+        if self.covered[0] < self.covered[1] {
+            self.band.covered.push(self.covered);
+        }
+    }
+
+    #[inline(always)]
+    fn end(mut self) {
+        self.end_range();
+        self.reader.slots = self.slots;
     }
 }

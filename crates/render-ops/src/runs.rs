@@ -83,21 +83,21 @@ impl Runs {
         self.count = 0;
     }
 
-    /// Adds a band, whose runs, slots and fragments count from 0.
-    pub(crate) fn add_band(&mut self, band: &Self) {
-        let Self { runs, slots, band_ends, count } = self;
+    /// Adds a band of `count` fragments: it, its runs and its slots count from 0.
+    pub(crate) fn add_band(&mut self, of_band: &[Run], slots_of_band: &[Slot], count: usize) {
+        let Self { runs, slots, band_ends, count: fragments } = self;
         let [run, slot] = [runs.len() as u32, slots.len() as u32];
-        let fragment = *count as u32;
-        runs.extend(band.runs.iter().map(|run| Run {
+        let fragment = *fragments as u32;
+        runs.extend(of_band.iter().map(|run| Run {
             slot: slot + run.slot,
             fragment: fragment + run.fragment,
             ..*run
         }));
         slots.extend(
-            band.slots.iter().map(|slot| Slot { first_run: run + slot.first_run, ..*slot }),
+            slots_of_band.iter().map(|slot| Slot { first_run: run + slot.first_run, ..*slot }),
         );
         band_ends.push(slots.len() as u32);
-        *count += band.count;
+        *fragments += count;
     }
 
     /// The number of bands.

@@ -10,7 +10,7 @@ use bokashi_core::Scalar;
 
 use super::canvas::resize;
 use super::corner::{BEHIND, Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
-use super::filter::{Boxes, EIGHT, Filter, Octet, Record};
+use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
@@ -135,26 +135,31 @@ fn turned_away(cull: Cull) -> i8 {
     }
 }
 
-/// The work of judging the faces from `first` on, whose `orientations` are filled in: not as a closure, which would not
-/// be compiled for the vectors that were found.
-pub(super) struct Judge<'a, T: Scalar> {
-    pub(super) faces: &'a [[u32; 3]],
-    pub(super) first: usize,
+/// What faces are judged by.
+pub(super) struct Rules<'a, T: Scalar> {
     pub(super) corners: Corners<'a, T>,
     pub(super) records: &'a [Record],
     pub(super) filter: &'a Filter,
     pub(super) options: RasterOptions,
+    /// At least the rounding of any face's area.
     pub(super) most_noise: T::Wide,
-    pub(super) rows_per_band: usize,
+}
+
+/// The work of judging the faces from `first` on, whose `orientations` are filled in: not as a closure, which would not
+/// be compiled for the vectors that were found.
+pub(super) struct Judge<'a, T: Scalar> {
+    pub(super) rules: &'a Rules<'a, T>,
+    pub(super) faces: &'a [[u32; 3]],
+    pub(super) first: usize,
     pub(super) orientations: &'a mut [i8],
     pub(super) judged: &'a mut Judged,
 }
 
-/// A face, and the first and the last band that it can touch.
+/// A face, and the first and the last row of pixels that it can touch.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Listed {
     pub(super) face: u32,
-    pub(super) bands: [u32; 2],
+    pub(super) rows: [u32; 2],
 }
 
 /// What became of some faces.
@@ -193,66 +198,90 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(mut self, _: V) {
-        let faces = self.faces;
-        let (listed, culled) = (std::mem::take(&mut self.judged.listed), Culled::default());
-        *self.judged = Judged { listed, count: 0, culled, reaches_behind: false };
-        resize(&mut self.judged.listed, faces.len(), Listed::default);
-        for (block, faces) in faces.chunks(EIGHT).enumerate() {
-            self.judge_eight(block * EIGHT, faces);
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { rules, faces, first, orientations, judged } = self;
+        judged.culled = Culled::default();
+        judged.reaches_behind = false;
+        resize(&mut judged.listed, faces.len(), Listed::default);
+        let (mut count, mut facing) = (0, 0);
+        let blocks = faces.chunks(EIGHT).zip(orientations.chunks_mut(EIGHT));
+        for (first, (faces, orientations)) in (first as u32..).step_by(EIGHT).zip(blocks) {
+            let mut eight = rules.judge_eight(faces);
+            if eight.has_doubt {
+                rules.settle(&mut eight, faces, judged);
+            }
+            orientations.copy_from_slice(&eight.orientations[..faces.len()]);
+            for k in 0..faces.len() {
+                // Without a branch, which nobody could foretell.
+                let rows = [eight.rows[0][k] as u32, eight.rows[1][k] as u32];
+                judged.listed[count] = Listed { face: first + k as u32, rows };
+                count += eight.are_listed[k] as usize;
+                facing += eight.are_away[k] as usize;
+            }
         }
+        judged.culled.facing += facing;
+        judged.count = count;
     }
 }
 
-impl<T: Scalar> Judge<'_, T> {
-    /// Judges up to eight faces, of which the first is number `start`.
+/// What becomes of eight faces.
+struct EightJudged {
+    orientations: [i8; EIGHT],
+    /// First and last that each can touch.
+    rows: [Eight<i32>; 2],
+    /// 1 for those that can touch pixels, and for those that turn the side away that is not drawn.
+    are_listed: Eight<u32>,
+    are_away: Eight<u32>,
+    /// Whether one at least has to be judged in wide numbers: those have the orientation 0.
+    has_doubt: bool,
+}
+
+impl<T: Scalar> Rules<'_, T> {
+    /// Judges up to eight faces by the filter. Where there are fewer, the last one takes part several times.
     #[inline(always)]
-    fn judge_eight(&mut self, start: usize, faces: &[[u32; 3]]) {
-        let Self { filter, options, .. } = *self;
+    fn judge_eight(&self, faces: &[[u32; 3]]) -> EightJudged {
+        let Self { records, filter, options, .. } = *self;
         let away = i32::from(turned_away(options.cull));
         let margin = reach_of_pixels(options.sampling) + ROUNDING_OF_PIXELS;
-        // Where there are fewer than eight, the last one takes part several times.
-        let eight = std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
-        let boxes = filter.boxes(&Octet::gather(self.records, eight), options.size, margin);
-        let per_row = 1.0 / self.rows_per_band as f64;
-        let ([mut first_bands, mut last_bands], mut are_listed) = ([[0; EIGHT]; 2], [0; EIGHT]);
+        let filled = || std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
+        let eight = faces.first_chunk().copied().unwrap_or_else(filled);
+        let boxes = filter.boxes(&Octet::gather(records, eight), options.size, margin);
+        let Boxes { columns, rows, orientations } = boxes;
+        let mut judged = EightJudged {
+            orientations: [0; EIGHT],
+            rows,
+            are_listed: [0; EIGHT],
+            are_away: [0; EIGHT],
+            has_doubt: false,
+        };
         for k in 0..EIGHT {
-            let [columns, rows] = [&boxes.columns, &boxes.rows].map(|[a, b]| [a[k], b[k]]);
-            // Half a row from where the next whole number starts, so that rounding changes nothing.
-            let band = |row: i32| ((f64::from(row) + 0.5) * per_row) as i32 as u32;
-            (first_bands[k], last_bands[k]) = (band(rows[0]), band(rows[1]));
-            let is_listed =
-                (boxes.orientations[k] != away) & (columns[0] <= columns[1]) & (rows[0] <= rows[1]);
-            are_listed[k] = u32::from(is_listed);
+            let is_away = orientations[k] == away;
+            let is_empty = (columns[0][k] > columns[1][k]) | (rows[0][k] > rows[1][k]);
+            judged.are_away[k] = u32::from(is_away);
+            judged.are_listed[k] = u32::from(!(is_away | is_empty));
+            judged.orientations[k] = if is_away { 0 } else { orientations[k] as i8 };
+            judged.has_doubt |= orientations[k] == 0;
         }
-        for (k, &vertices) in faces.iter().enumerate() {
-            let orientation = boxes.orientations[k];
-            let (mut bands, mut is_listed) = ([first_bands[k], last_bands[k]], are_listed[k] == 1);
-            let number = start + k;
-            if orientation == 0 {
-                let touched = self.judge_one(number, vertices);
-                is_listed = touched.is_some();
-                bands = touched.unwrap_or_default().rows.map(|row| row / self.rows_per_band as u32);
-            } else {
-                let is_away = orientation == away;
-                self.judged.culled.facing += usize::from(is_away);
-                self.orientations[number] = if is_away { 0 } else { orientation as i8 };
-            }
-            self.judged.listed[self.judged.count] =
-                Listed { face: (self.first + number) as u32, bands };
-            self.judged.count += usize::from(is_listed);
-        }
+        judged
     }
 
-    /// Judges a face in wide numbers.
+    /// Judges those in doubt in wide numbers.
     #[cold]
     #[inline(never)]
-    fn judge_one(&mut self, number: usize, vertices: [u32; 3]) -> Option<Touched> {
-        let corners = self.corners.of_face(vertices);
-        let verdict =
-            Verdict::from_corners(corners.each_ref(), vertices, self.options, self.most_noise);
-        self.orientations[number] = verdict.orientation;
-        self.judged.count(&verdict)
+    fn settle(&self, eight: &mut EightJudged, faces: &[[u32; 3]], judged: &mut Judged) {
+        for (k, &vertices) in faces.iter().enumerate() {
+            if eight.orientations[k] != 0 || eight.are_away[k] == 1 {
+                continue;
+            }
+            let corners = self.corners.of_face(vertices);
+            let verdict =
+                Verdict::from_corners(corners.each_ref(), vertices, self.options, self.most_noise);
+            let touched = judged.count(&verdict);
+            eight.orientations[k] = verdict.orientation;
+            eight.are_listed[k] = u32::from(touched.is_some());
+            let [top, bottom] = touched.unwrap_or_default().rows;
+            (eight.rows[0][k], eight.rows[1][k]) = (top as i32, bottom as i32);
+        }
     }
 }
 

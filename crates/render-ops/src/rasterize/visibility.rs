@@ -17,7 +17,7 @@ use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, Seen, resize};
 use super::corner::{Corners, common_factor};
-use super::culling::{Judge, Judged, Listed};
+use super::culling::{Judge, Judged, Listed, Rules};
 use super::filter::{Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
@@ -26,7 +26,7 @@ use crate::coverage::{Coverage, Culled};
 use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
 use crate::raster_options::RasterOptions;
-use crate::runs::{WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
+use crate::runs::{Runs, WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
 use crate::scratch::Workbench;
 use crate::size::Size;
 
@@ -47,6 +47,8 @@ pub(super) struct Visibility<T: Scalar> {
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
     pub(super) reaches_behind: bool,
     judged: Workbench<Judged>,
+    /// Per row of pixels: its band.
+    bands_of_rows: Vec<u32>,
     /// The X of each column's pixel centres, in whole blocks.
     centers: Vec<T::Wide>,
     /// The Y of each row's.
@@ -155,34 +157,31 @@ impl<T: Scalar> Visibility<T> {
         orientations: &mut Vec<i8>,
     ) -> Culled {
         let corners = self.corners(clip, options.size);
-        let Self { records, filter, judged, faces: of_bands, reaches_behind, .. } = self;
-        let rows_per_band = rows_per_band(options.size);
-        of_bands.resize_with(options.size.height.div_ceil(rows_per_band), Vec::new);
+        let Self { records, filter, judged, bands_of_rows, .. } = self;
+        let Self { faces: of_bands, reaches_behind, .. } = self;
+        let (height, per_band) = (options.size.height, rows_per_band(options.size));
+        of_bands.resize_with(height.div_ceil(per_band), Vec::new);
         of_bands.iter_mut().for_each(Vec::clear);
+        // Looked up: a division takes longer.
+        bands_of_rows.clear();
+        let of_band = |band| std::iter::repeat_n(band as u32, per_band);
+        bands_of_rows.extend((0..of_bands.len()).flat_map(of_band));
         *reaches_behind = false;
         resize(orientations, mesh.faces().len(), || 0);
+        let rules = &Rules { corners, records, filter, options, most_noise };
         let mut culled = Culled::default();
         let work = |first, orientations: &mut [i8]| {
             let faces = &mesh.faces()[first..][..orientations.len()];
             let mut piece = judged.take();
-            dispatch_256::<T, _>(Judge {
-                faces,
-                first,
-                corners,
-                records,
-                filter,
-                options,
-                most_noise,
-                rows_per_band,
-                orientations,
-                judged: &mut piece,
-            });
+            let judged = &mut piece;
+            dispatch_256::<T, _>(Judge { rules, faces, first, orientations, judged });
             piece
         };
         let merge = |piece: Judged| {
             // In the order of their indices, on which ties of depths rely.
-            for &Listed { face, bands: [first, last] } in piece.listed() {
-                for list in &mut of_bands[first as usize..=last as usize] {
+            for &Listed { face, rows } in piece.listed() {
+                let [first, last] = rows.map(|row| bands_of_rows[row as usize] as usize);
+                for list in &mut of_bands[first..=last] {
                     list.push(face);
                 }
             }
@@ -345,7 +344,8 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
         boundary
             .fragments
             .extend(piece_fragments.fragments.iter().map(|fragment| fragments + fragment));
-        pieces.add_band(&piece_fragments.runs);
+        let Runs { runs, slots, count, .. } = &piece_fragments.runs;
+        pieces.add_band(runs, slots, *count);
         let counts = &mut boundary.counts;
         counts.pixels += of_band.pixels.len();
         counts.pieces += piece_fragments.fragments.len();
