@@ -44,11 +44,12 @@ impl BandRuns {
 pub(crate) struct RunReader {
     /// Per face: its slot, once it was seen. Between bands nothing is.
     slot_of: Vec<u32>,
-    /// How many slots there are.
+    /// How many slots there are, and runs.
     slots: u32,
+    count: usize,
     /// Per slot: the number of its face; with room for as many slots as faces, and one.
     drawn_of_slot: Vec<u32>,
-    /// What was read, by pixel, without fragments yet.
+    /// What was read, by pixel, without fragments yet; with room for more.
     read: Vec<Run>,
     /// Per slot: how many runs it has, then where in the order of slots its next run goes.
     places: Vec<u32>,
@@ -59,8 +60,7 @@ impl RunReader {
     pub(crate) fn begin(&mut self, faces: usize, band: &mut BandRuns) {
         band.row_starts.clear();
         band.covered.clear();
-        self.read.clear();
-        self.slots = 0;
+        (self.slots, self.count) = (0, 0);
         self.places.clear();
         self.places.resize(faces, 0);
         if self.slot_of.len() < faces {
@@ -72,17 +72,29 @@ impl RunReader {
     /// Begins a row.
     #[inline(always)]
     pub(crate) fn begin_row(&self, band: &mut BandRuns) {
-        band.row_starts.push(self.read.len() as u32);
+        band.row_starts.push(self.count as u32);
     }
 
     /// Reads pixels of the row, of which the first is `pixel`: the face that each of them sees.
     #[inline(always)]
     pub(crate) fn read(&mut self, faces: &[u32], pixel: u32, band: &mut BandRuns) {
-        // The range that perhaps goes on.
-        let covered = band.covered.pop().unwrap_or([pixel; 2]);
-        let mut push = Push { reader: self, slots: 0, covered, band };
-        push.slots = push.reader.slots;
         let (mut start, end) = (0, faces.len());
+        let most = self.count + faces.len();
+        if self.read.len() < most {
+            self.read.resize(most, Run::default());
+        }
+        let Self { slot_of, drawn_of_slot, places, read, slots, count } = self;
+        let mut push = Push {
+            slot_of,
+            drawn_of_slot,
+            places,
+            read: &mut read[..most],
+            slots: *slots,
+            count: *count,
+            // The range that perhaps goes on.
+            range: band.covered.pop().unwrap_or([pixel; 2]),
+            covered: &mut band.covered,
+        };
         let (before, after) = (&faces[..end - 1], &faces[1..]);
         let pieces = before.chunks(u32::BITS as usize).zip(after.chunks(u32::BITS as usize));
         for ((before, after), from) in pieces.zip((1..).step_by(u32::BITS as usize)) {
@@ -101,7 +113,8 @@ impl RunReader {
             }
         }
         push.run(faces[start], pixel + start as u32, (end - start) as u32);
-        push.end();
+        push.end_range();
+        (*slots, *count) = (push.slots, push.count);
     }
 
     /// The numbers of the faces that were seen, slot by slot.
@@ -113,7 +126,8 @@ impl RunReader {
     /// `face_of` has the face of each number.
     #[inline(always)]
     pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
-        let Self { slot_of, read, places, .. } = self;
+        let Self { slot_of, places, .. } = self;
+        let read = &self.read[..self.count];
         let drawn_of_slot = &self.drawn_of_slot[..self.slots as usize];
         drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
         let BandRuns { runs, slots, count, by_pixel, .. } = band;
@@ -148,12 +162,16 @@ impl RunReader {
 
 /// The runs of a row as they are written down. What changes from run to run is kept here, in registers.
 struct Push<'a> {
-    reader: &'a mut RunReader,
-    /// How many slots there are.
+    slot_of: &'a mut [u32],
+    drawn_of_slot: &'a mut [u32],
+    places: &'a mut [u32],
+    read: &'a mut [Run],
+    /// How many slots there are, and runs.
     slots: u32,
-    /// The last range of pixels that are covered.
-    covered: [u32; 2],
-    band: &'a mut BandRuns,
+    count: usize,
+    /// The last range of pixels that are covered, and those before it.
+    range: [u32; 2],
+    covered: &'a mut Vec<[u32; 2]>,
 }
 
 impl Push<'_> {
@@ -163,33 +181,28 @@ impl Push<'_> {
         if drawn == NO_FACE {
             return;
         }
-        if pixel != self.covered[1] {
+        if pixel != self.range[1] {
             self.end_range();
-            self.covered[0] = pixel;
+            self.range[0] = pixel;
         }
-        self.covered[1] = pixel + length;
-        let RunReader { slot_of, drawn_of_slot, places, read, .. } = &mut *self.reader;
+        self.range[1] = pixel + length;
         // Slots are numbered as they are seen, so that their order, and with it the order of
         // all sums, does not depend on that of the mesh's faces. Without a branch: whether a face is new can't be
         // foretold.
-        let slot = &mut slot_of[drawn as usize];
-        let is_new = *slot == NO_SLOT;
-        *slot = if is_new { self.slots } else { *slot };
-        drawn_of_slot[self.slots as usize] = drawn;
+        let known = self.slot_of[drawn as usize];
+        let is_new = known == NO_SLOT;
+        let slot = if is_new { self.slots } else { known };
+        self.slot_of[drawn as usize] = slot;
+        self.drawn_of_slot[self.slots as usize] = drawn;
         self.slots += u32::from(is_new);
-        places[*slot as usize] += 1;
-        read.push(Run { slot: *slot, pixel, length, fragment: 0 });
+        self.places[slot as usize] += 1;
+        self.read[self.count] = Run { slot, pixel, length, fragment: 0 };
+        self.count += 1;
     }
 
     fn end_range(&mut self) {
-        if self.covered[0] < self.covered[1] {
-            self.band.covered.push(self.covered);
+        if self.range[0] < self.range[1] {
+            self.covered.push(self.range);
         }
-    }
-
-    #[inline(always)]
-    fn end(mut self) {
-        self.end_range();
-        self.reader.slots = self.slots;
     }
 }
