@@ -279,6 +279,9 @@ fn squared_error<T: Scalar>(colors: &[T], pixels: &[T]) -> T::Wide {
         difference * difference
     };
     let (colors, pixels) = (&colors[..pixels.len()], pixels);
+    if pixels.len() <= PARTS {
+        return colors.iter().zip(pixels).map(|(&color, &pixel)| square(color, pixel)).sum();
+    }
     let whole = colors.as_chunks::<PARTS>().0.iter().zip(pixels.as_chunks::<PARTS>().0);
     for (colors, pixels) in whole {
         for part in 0..PARTS {
