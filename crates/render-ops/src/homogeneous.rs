@@ -30,18 +30,25 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     /// factor back (see [`missing_factors`]).
     #[inline(always)]
     pub(crate) fn from_clip<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
-        let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize];
-        let [x, y, z, w] = [x.widen(), y.widen(), z.widen(), w.widen()];
-        let [width, height] = size.extents::<S>();
+        let vertex = Self::in_range(clip, index, size);
+        let [x, y, z, w] = row(clip, index);
         let [a, b, c] = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
         let largest = if a > b { a } else { b };
         let largest = if largest > c { largest } else { c };
         // No f32 is so small or so large.
         let are_in_range = !T::from_f64(1e60).is_finite();
         if are_in_range || largest == 0.0 || (1e-60..1e60).contains(&largest) {
-            return (Self { x: x * width, y: y * height, z, w }, S::ONE);
+            return (vertex, S::ONE);
         }
         Self::scaled_to_range([x, y, z, w], largest, size)
+    }
+
+    /// [`Self::from_clip`] of a vertex whose factor is 1.
+    #[inline(always)]
+    pub(crate) fn in_range<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
+        let [x, y, z, w] = row(clip, index);
+        let [width, height] = size.extents::<S>();
+        Self { x: x * width, y: y * height, z, w }
     }
 
     #[cold]
@@ -75,6 +82,13 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
         let [x, y] = self.relative_to(x, y);
         Self { x, y, ..self }
     }
+}
+
+/// Row `index` of `clip: [V, 4]`.
+#[inline(always)]
+fn row<T: Scalar>(clip: &[T], index: u32) -> [T::Wide; 4] {
+    let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize];
+    [x.widen(), y.widen(), z.widen(), w.widen()]
 }
 
 /// Whether a face's vertices were all multiplied by the same.

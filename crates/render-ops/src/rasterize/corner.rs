@@ -100,14 +100,44 @@ pub(super) struct Corners<'a, T: Scalar> {
     /// `[V, 4]`
     clip: &'a [T],
     size: Size,
-    /// What all vertices are multiplied by, if it is not 1 and they share it.
-    factor: Option<T::Wide>,
+    scaling: Scaling<T::Wide>,
+}
+
+/// What vertices are multiplied by.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) enum Scaling<S> {
+    /// Each by its own factor.
+    #[default]
+    Own,
+    /// All by 1.
+    One,
+    /// All by the same.
+    Common(S),
+}
+
+impl<S: Scalar<Wide = S>> Scaling<S> {
+    /// That of all vertices, of whose own factors these are the smallest and the largest: where their sizes are near
+    /// enough, the same, so that a mesh times a power of two is the same in every bit.
+    ///
+    /// Two things depend on a face's factors: the size below which its edge functions are uncertain, and the order in
+    /// which a long row is summed.
+    pub(super) fn new([least, most]: [S; 2]) -> Self {
+        // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
+        // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
+        if least < most * S::from_f64(1e-80) {
+            Self::Own
+        } else if least == S::ONE && most == S::ONE {
+            Self::One
+        } else {
+            Self::Common(least)
+        }
+    }
 }
 
 impl<'a, T: Scalar> Corners<'a, T> {
     #[inline(always)]
-    pub(super) fn new(clip: &'a [T], size: Size, factor: Option<T::Wide>) -> Self {
-        Self { clip, size, factor }
+    pub(super) fn new(clip: &'a [T], size: Size, scaling: Scaling<T::Wide>) -> Self {
+        Self { clip, size, scaling }
     }
 
     /// How many there are.
@@ -117,12 +147,15 @@ impl<'a, T: Scalar> Corners<'a, T> {
 
     #[inline(always)]
     pub(super) fn at(&self, vertex: u32) -> Corner<T::Wide> {
-        let corner = Corner::new(self.clip, vertex, self.size);
-        match self.factor {
-            None => corner,
-            Some(factor) => {
-                let by = factor / corner.factor;
-                Corner { vertex: corner.vertex.scaled(by), factor }
+        match self.scaling {
+            Scaling::One => {
+                let vertex = Vertex::in_range(self.clip, vertex, self.size);
+                Corner { vertex, factor: T::Wide::ONE }
+            }
+            Scaling::Own => Corner::new(self.clip, vertex, self.size),
+            Scaling::Common(factor) => {
+                let corner = Corner::new(self.clip, vertex, self.size);
+                Corner { vertex: corner.vertex.scaled(factor / corner.factor), factor }
             }
         }
     }
@@ -133,19 +166,6 @@ impl<'a, T: Scalar> Corners<'a, T> {
         // Not by `map`, which can be a call.
         [self.at(p), self.at(q), self.at(r)]
     }
-}
-
-/// What all vertices are multiplied by, of which the smallest and the largest factor are these: the same, where their
-/// sizes are near enough, so that a mesh times a power of two is the same in every bit. `None` where each keeps its own.
-///
-/// Two things depend on a face's factors: the size below which its edge functions are uncertain, and the order in which
-/// a long row is summed.
-pub(super) fn common_factor<S: Scalar<Wide = S>>([least, most]: [S; 2]) -> Option<S> {
-    // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
-    // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
-    let are_near = least >= most * S::from_f64(1e-80);
-    let is_one = least == S::ONE && most == S::ONE;
-    (are_near && !is_one).then_some(least)
 }
 
 /// What a pixel reaches beyond its centre.

@@ -334,6 +334,7 @@ fn reach_of_pixels(sampling: Sampling) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::corner::Scaling;
     use super::super::vertices::Measures;
     use super::*;
 
@@ -346,7 +347,7 @@ mod tests {
         let size = Size::square(16);
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
-            let positions = Corners::new(clip.as_flattened(), size, None);
+            let positions = Corners::new(clip.as_flattened(), size, Scaling::Own);
             let noise = Measures::new(&positions, size, 0..3).extents.most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };

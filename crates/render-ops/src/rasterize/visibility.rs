@@ -16,7 +16,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, Seen, resize};
-use super::corner::{Corners, common_factor};
+use super::corner::{Corners, Scaling};
 use super::culling::{Judge, Judged, Listed, Rules};
 use super::filter::{Filter, Record};
 use super::prepared::Prepared;
@@ -39,8 +39,8 @@ const ITEMS_TO_SHARE: usize = 1 << 12;
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug, Default)]
 pub(super) struct Visibility<T: Scalar> {
-    /// What all vertices were multiplied by.
-    factor: Option<T::Wide>,
+    /// What vertices were multiplied by.
+    scaling: Scaling<T::Wide>,
     filter: Filter,
     /// The vertices, as the filter sees them.
     records: Vec<Record>,
@@ -118,18 +118,18 @@ impl<T: Scalar> Visibility<T> {
 
     /// The vertices of the mesh that was drawn last, whose positions are `clip`.
     pub(super) fn corners<'a>(&self, clip: &'a [T], size: Size) -> Corners<'a, T> {
-        Corners::new(clip, size, self.factor)
+        Corners::new(clip, size, self.scaling)
     }
 
     /// Returns what is at least the rounding of any face's area.
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
         let Self { records, filter, .. } = self;
         resize(records, count, Record::default);
-        // No f32 is so small or so large that it is multiplied, and most numbers are not.
-        let mut measures = measure(&Corners::new(clip, size, None), size);
-        self.factor = common_factor(measures.factors);
-        let corners = Corners::new(clip, size, self.factor);
-        if self.factor.is_some() {
+        // Hardly any mesh is multiplied, so that mostly this is all.
+        let mut measures = measure(&Corners::new(clip, size, Scaling::Own), size);
+        self.scaling = Scaling::new(measures.factors);
+        let corners = Corners::new(clip, size, self.scaling);
+        if let Scaling::Common(_) = self.scaling {
             measures = measure(&corners, size);
         }
         *filter = Filter::new(measures.depths, size);
