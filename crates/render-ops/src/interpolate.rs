@@ -279,11 +279,11 @@ impl Interpolate {
 #[inline(always)]
 fn interpolate_face<T: Scalar>(corners: [&[T]; 3], uv: &[T], values: &mut [T]) {
     match corners[0].len() {
-        3 => interpolate_channels::<T, 3>(corners, 3, uv, values),
+        3 => interpolate_three(corners, uv, values),
         channels => {
             for c in 0..channels {
                 let corners = corners.map(|corner| &corner[c..]);
-                interpolate_channels::<T, 1>(corners, channels, uv, &mut values[c..]);
+                interpolate_one(corners, channels, uv, &mut values[c..]);
             }
         }
     }
@@ -304,21 +304,47 @@ fn pull_back_face<T: Scalar>(corners: [&[T]; 3], s_bar: &[T], uv_bar: &mut [T], 
     }
 }
 
-/// Interpolates `N` channels of `stride` that start each row of `values`.
+/// Interpolates the first channel of `stride`.
 #[inline(always)]
-fn interpolate_channels<T: Scalar, const N: usize>(
-    corners: [&[T]; 3],
-    stride: usize,
-    uv: &[T],
-    values: &mut [T],
-) {
-    let [a0, a1, a2] = corners.map(|corner| first_of::<T, N>(corner));
-    for (s, uv) in values.chunks_mut(stride).zip(uv.chunks_exact(2)) {
-        for c in 0..N {
+fn interpolate_one<T: Scalar>(corners: [&[T]; 3], stride: usize, uv: &[T], values: &mut [T]) {
+    let [a0, a1, a2] = corners.map(|corner| corner[0]);
+    for (s, uv) in values.chunks_mut(stride).zip(uv.as_chunks::<2>().0) {
+        s[0] = a2 + uv[0] * (a0 - a2) + uv[1] * (a1 - a2);
+    }
+}
+
+/// Interpolates three channels.
+#[inline(always)]
+fn interpolate_three<T: Scalar>(corners: [&[T]; 3], uv: &[T], values: &mut [T]) {
+    let [a0, a1, a2] = corners.map(|corner| first_of::<T, 3>(corner));
+    let (uv, values) = (uv.as_chunks::<2>().0, values.as_chunks_mut::<3>().0);
+    let whole = uv.len() / MANY * MANY;
+    for (s, uv) in values[..whole].iter_mut().zip(&uv[..whole]) {
+        for c in 0..3 {
             s[c] = a2[c] + uv[0] * (a0[c] - a2[c]) + uv[1] * (a1[c] - a2[c]);
         }
     }
+    // Most faces have few fragments. Four numbers are a vector: of each fragment but the last, the first number of the
+    // next one is written, too, and then written over.
+    let [a0, a1, a2] = [a0, a1, a2].map(|[r, g, b]| [r, g, b, b]);
+    let row = |&[u, v]: &[T; 2]| -> [T; 4] {
+        std::array::from_fn(|c| a2[c] + u * (a0[c] - a2[c]) + v * (a1[c] - a2[c]))
+    };
+    let Some((last, uv)) = uv[whole..].split_last() else { return };
+    let mut rest = values[whole..].as_flattened_mut();
+    for uv in uv {
+        let Some(s) = rest.first_chunk_mut() else { return };
+        *s = row(uv);
+        rest = &mut rest[3..];
+    }
+    let [r, g, b, _] = row(last);
+    if let Some(s) = rest.first_chunk_mut() {
+        *s = [r, g, b];
+    }
 }
+
+/// Fragments of which the compiler makes wide vectors.
+const MANY: usize = 16;
 
 /// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`; where
 /// they are fresh, writes them.

@@ -46,6 +46,13 @@ impl<E> Workbench<Vec<E>> {
     }
 }
 
+/// Gives a list `length` entries, whatever they are.
+pub(crate) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
+    if list.len() != length {
+        list.resize(length, filling());
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,14 +16,8 @@ use super::spans::RowOfPixels;
 use crate::dispatch::dispatch_256;
 use crate::run_reader::{BandRuns, NO_FACE, RunReader};
 use crate::runs::Runs;
+use crate::scratch::resize;
 use crate::size::Size;
-
-/// Gives a list `length` entries, whatever they are.
-pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
-    if list.len() != length {
-        list.resize(length, filling());
-    }
-}
 
 /// What is seen at the pixel centres of a band.
 #[derive(Debug, Default)]

@@ -8,13 +8,13 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::canvas::resize;
 use super::corner::{BEHIND, Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::raster_options::{Cull, RasterOptions, Sampling};
+use crate::scratch::resize;
 use crate::size::Size;
 
 /// What becomes of a face.

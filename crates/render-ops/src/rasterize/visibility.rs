@@ -15,7 +15,7 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
-use super::canvas::{Band, Canvas, Draw, Seen, resize};
+use super::canvas::{Band, Canvas, Draw, Seen};
 use super::corner::{Corners, Scaling};
 use super::culling::{Judge, Judged, Listed, Rules};
 use super::filter::{Filter, Record};
@@ -27,7 +27,7 @@ use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
 use crate::raster_options::RasterOptions;
 use crate::runs::{Runs, WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
-use crate::scratch::Workbench;
+use crate::scratch::{Workbench, resize};
 use crate::size::Size;
 
 /// Vertices or faces in one piece of work: some microseconds.
