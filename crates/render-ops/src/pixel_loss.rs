@@ -280,6 +280,7 @@ fn squared_error<T: Scalar>(colors: &[T], pixels: &[T]) -> T::Wide {
     };
     let (colors, pixels) = (&colors[..pixels.len()], pixels);
     if pixels.len() <= PARTS {
+        // Each part would be one term: the same sum.
         return colors.iter().zip(pixels).map(|(&color, &pixel)| square(color, pixel)).sum();
     }
     let whole = colors.as_chunks::<PARTS>().0.iter().zip(pixels.as_chunks::<PARTS>().0);

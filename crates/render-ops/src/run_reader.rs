@@ -51,7 +51,7 @@ pub(crate) struct RunReader {
     drawn_of_slot: Vec<u32>,
     /// What was read, by pixel, without fragments yet; with room for more.
     read: Vec<Run>,
-    /// Per slot: how many runs it has, then where in the order of slots its next run goes.
+    /// Per slot: how many runs it has, then where in the order of slots its next run goes. Between bands all are 0.
     places: Vec<u32>,
 }
 
@@ -61,9 +61,8 @@ impl RunReader {
         band.row_starts.clear();
         band.covered.clear();
         (self.slots, self.count) = (0, 0);
-        self.places.clear();
-        self.places.resize(faces, 0);
         if self.slot_of.len() < faces {
+            self.places.resize(faces, 0);
             self.slot_of.resize(faces, NO_SLOT);
             self.drawn_of_slot.resize(faces + 1, 0);
         }
@@ -150,6 +149,7 @@ impl RunReader {
             *position += 1;
             RunStart { pixel: run.pixel, run: *position - 1 }
         }));
+        places[..slots.len()].fill(0);
         // In this order a face's fragments in the band lie side by side.
         let mut fragment = 0;
         for run in sorted {

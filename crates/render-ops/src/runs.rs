@@ -83,7 +83,7 @@ impl Runs {
         self.count = 0;
     }
 
-    /// Adds a band of `count` fragments: it, its runs and its slots count from 0.
+    /// Adds a band of `count` fragments. Its runs, slots and fragments are numbered from 0.
     pub(crate) fn add_band(&mut self, of_band: &[Run], slots_of_band: &[Slot], count: usize) {
         let Self { runs, slots, band_ends, count: fragments } = self;
         let [run, slot] = [runs.len() as u32, slots.len() as u32];

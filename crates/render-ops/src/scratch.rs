@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
-/// Memory for as many pieces of work as run at the same time: at most one `M` for each thread. It
-/// is kept from step to step, so a step like the last one allocates nothing.
+/// Memory for as many pieces of work as run at the same time, or wait to be merged. It is kept from step to step, so a
+/// step like the last one allocates nothing.
 #[derive(Debug, Default)]
 pub(crate) struct Workbench<M>(Mutex<Vec<M>>);
 

@@ -38,7 +38,7 @@ pub(super) struct Band<T: Scalar> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Canvas<T: Scalar> {
-    /// Of the band's faces, where exact coverage asks for all of them.
+    /// Of the band's faces, where exact coverage asks for all of them: their weights, and which pixels they can touch.
     weights: Vec<Weights<T::Wide>>,
     touched: Vec<Touched>,
     /// Where faces are drawn.
@@ -60,7 +60,7 @@ pub(super) struct Draw<'a, T: Scalar> {
     pub(super) faces: &'a [u32],
     /// Per layer.
     pub(super) seen: &'a mut [Seen],
-    pub(super) bands: &'a mut [Band<T>],
+    pub(super) band: &'a mut Band<T>,
 }
 
 /// Not as a closure, which would not be compiled for the vectors that were found.
@@ -69,8 +69,8 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, simd: V) {
-        let Self { canvas, view, rows, faces, seen, bands } = self;
-        canvas.run(simd, view, rows, faces, (seen, bands));
+        let Self { canvas, view, rows, faces, seen, band } = self;
+        canvas.run(simd, view, rows, faces, (seen, band));
     }
 }
 
@@ -121,13 +121,13 @@ impl<T: Scalar> Canvas<T> {
         view: &Prepared<'_, T>,
         rows: Range<usize>,
         faces: &[u32],
-        (seen, bands): (&mut [Seen], &mut [Band<T>]),
+        (seen, band): (&mut [Seen], &mut Band<T>),
     ) {
         self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
         self.draw_layers(simd, view, rows.clone(), faces);
         if view.sampling.has_pieces() {
-            self.resolve(view, &mut bands[0], rows.clone(), faces);
+            self.resolve(view, band, rows.clone(), faces);
         }
         if view.front.is_some() {
             self.plane.forget_rows(rows.len());
@@ -285,7 +285,7 @@ impl<T: Scalar> Canvas<T> {
     }
 }
 
-/// The work of weighing a band, whose `barycentrics` are written: not as a closure, as [`Draw`].
+/// The work of writing the `barycentrics` of a band. As [`Draw`], it is not a closure.
 pub(super) struct Weigh<'a, T: Scalar> {
     pub(super) view: &'a Prepared<'a, T>,
     pub(super) runs: &'a Runs,

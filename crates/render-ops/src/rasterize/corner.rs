@@ -93,13 +93,13 @@ impl<S: Scalar<Wide = S>> Corner<S> {
     }
 }
 
-/// The vertices of a mesh, as its faces ask for them. All is worked out of positions, which are a fraction of it: a fine
-/// mesh waits for memory rather than for numbers.
+/// The vertices of a mesh, as its faces ask for them: worked out anew each time. Positions take less memory than corners,
+/// and to read memory takes longer than to compute.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Corners<'a, T: Scalar> {
+pub(super) struct ClipVertices<'a, T: Scalar> {
     /// `[V, 4]`
     clip: &'a [T],
-    size: Size,
+    pub(super) size: Size,
     scaling: Scaling<T::Wide>,
 }
 
@@ -126,7 +126,8 @@ impl<S: Scalar<Wide = S>> Scaling<S> {
         // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
         if least < most * S::from_f64(1e-80) {
             Self::Own
-        } else if least == S::ONE && most == S::ONE {
+        } else if least == S::ONE && most == S::ONE || least > most {
+            // Or there are none.
             Self::One
         } else {
             Self::Common(least)
@@ -134,7 +135,7 @@ impl<S: Scalar<Wide = S>> Scaling<S> {
     }
 }
 
-impl<'a, T: Scalar> Corners<'a, T> {
+impl<'a, T: Scalar> ClipVertices<'a, T> {
     #[inline(always)]
     pub(super) fn new(clip: &'a [T], size: Size, scaling: Scaling<T::Wide>) -> Self {
         Self { clip, size, scaling }

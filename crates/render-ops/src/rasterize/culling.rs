@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::{BEHIND, Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
+use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
@@ -53,12 +53,13 @@ impl Touched {
         Self { columns: touched(0, width), rows: touched(1, height) }
     }
 
-    /// The columns, and of the rows of a band those that are among them.
+    /// The columns, and of the rows of a band those that are among them, perhaps none.
     #[inline(always)]
     pub(super) fn within(&self, band: &Range<usize>) -> [Range<usize>; 2] {
         let [[left, right], [top, bottom]] =
             [self.columns, self.rows].map(|ends| ends.map(|end| end as usize));
-        [left..right + 1, band.start.max(top)..band.end.min(bottom + 1)]
+        let first = band.start.max(top);
+        [left..right + 1, first..band.end.min(bottom + 1).max(first)]
     }
 
     /// Whether there are none.
@@ -125,7 +126,7 @@ impl Verdict {
     }
 }
 
-/// The orientation of the side that is not drawn; none is 2.
+/// The orientation of the side that is not drawn: 2, which no face has, where both sides are.
 #[inline(always)]
 fn turned_away(cull: Cull) -> i8 {
     match cull {
@@ -137,7 +138,7 @@ fn turned_away(cull: Cull) -> i8 {
 
 /// What faces are judged by.
 pub(super) struct Rules<'a, T: Scalar> {
-    pub(super) corners: Corners<'a, T>,
+    pub(super) corners: ClipVertices<'a, T>,
     pub(super) records: &'a [Record],
     pub(super) filter: &'a Filter,
     pub(super) options: RasterOptions,
@@ -165,9 +166,9 @@ pub(super) struct Listed {
 /// What became of some faces.
 #[derive(Debug, Default)]
 pub(super) struct Judged {
-    /// Those that can touch pixels come first.
+    /// Those that can touch pixels come first, so many.
     listed: Vec<Listed>,
-    count: usize,
+    listed_count: usize,
     pub(super) culled: Culled,
     /// Whether some face that is drawn reaches behind the eye.
     pub(super) reaches_behind: bool,
@@ -176,7 +177,7 @@ pub(super) struct Judged {
 impl Judged {
     /// The faces that can touch pixels.
     pub(super) fn listed(&self) -> &[Listed] {
-        &self.listed[..self.count]
+        &self.listed[..self.listed_count]
     }
 
     /// Counts a face; returns which pixels it can touch, if any.
@@ -220,7 +221,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
             }
         }
         judged.culled.facing += facing;
-        judged.count = count;
+        judged.listed_count = count;
     }
 }
 
@@ -232,7 +233,7 @@ struct EightJudged {
     /// 1 for those that can touch pixels, and for those that turn the side away that is not drawn.
     are_listed: Eight<u32>,
     are_away: Eight<u32>,
-    /// Whether one at least has to be judged in wide numbers: those have the orientation 0.
+    /// Whether one at least has to be judged in wide numbers: those have the orientation 0 and are not turned away.
     has_doubt: bool,
 }
 
@@ -347,8 +348,8 @@ mod tests {
         let size = Size::square(16);
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
-            let positions = Corners::new(clip.as_flattened(), size, Scaling::Own);
-            let noise = Measures::new(&positions, size, 0..3).extents.most_rounding(size);
+            let positions = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
+            let noise = Measures::new(&positions, 0..3).extents.most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };
         // On a line but for rounding: in the image, and beside it, where faces are left out as outside.

@@ -349,7 +349,7 @@ impl Octet {
 #[cfg(test)]
 mod tests {
     use super::super::blocks::SmallFaces;
-    use super::super::corner::{Corners, ROUNDING_OF_PIXELS, Scaling};
+    use super::super::corner::{ClipVertices, ROUNDING_OF_PIXELS, Scaling};
     use super::super::vertices::{Measures, record};
     use super::*;
 
@@ -384,10 +384,10 @@ mod tests {
             .chain(others.map(|depth| ([0.0; 2], depth)))
             .map(|(pixel, depth)| vertex(pixel, depth))
             .collect();
-        let corners = Corners::new(clip.as_flattened(), size, Scaling::Own);
-        let filter = Filter::new(Measures::new(&corners, size, 0..5).depths, size);
+        let corners = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
+        let filter = Filter::new(Measures::new(&corners, 0..5).depths, size);
         let mut records = [Record::default(); 5];
-        record(&corners, &filter, size, 0, &mut records);
+        record(&corners, &filter, 0, &mut records);
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
         let boxes = filter.boxes(&octet, size, ROUNDING_OF_PIXELS);
         let small = SmallFaces::new(&filter, &octet, size, [0, extent - 1]);

@@ -285,7 +285,7 @@ impl Rasterize {
         if let Some(weights) = weights {
             let copy = |target: &mut [T], part: &&[T]| target.copy_from_slice(part);
             let are_shared = runs.is_shared();
-            let of_pieces = visibility.bands(layer).map(|band| &band.piece_fragments);
+            let of_pieces = visibility.bands().map(|band| &band.piece_fragments);
             let means = of_pieces
                 .clone()
                 .map(|fragments| (fragments.barycentrics.len(), &*fragments.barycentrics));
@@ -313,7 +313,7 @@ impl Rasterize {
             }
         };
         let mut first = coverage.centers();
-        let bands = visibility.bands(0).zip(visibility.faces()).map(|(band, faces)| {
+        let bands = visibility.bands().zip(visibility.faces()).map(|(band, faces)| {
             let count = band.piece_fragments.fragments.len();
             let (pieces, weights) = (first..first + count, first - coverage.centers());
             first = pieces.end;
@@ -436,7 +436,7 @@ impl<T: Scalar> Op<T> for Rasterize {
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        let pieces: usize = saved.visibility.bands(0).map(|band| band.pieces.bytes()).sum();
+        let pieces: usize = saved.visibility.bands().map(|band| band.pieces.bytes()).sum();
         let lists = saved.rows.bytes();
         saved.layers.iter().map(|coverage| coverage.bytes()).sum::<usize>() + pieces + lists
     }

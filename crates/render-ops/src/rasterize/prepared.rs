@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::{Corner, Corners, HALF_A_PIXEL, ROUNDING_OF_PIXELS};
+use super::corner::{ClipVertices, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS};
 use super::culling::Touched;
 use super::filter::{EIGHT, Filter, Octet, Record};
 use super::setup::{Setup, Weights};
@@ -17,7 +17,7 @@ use crate::size::Size;
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
     pub(super) size: Size,
-    pub(super) corners: Corners<'a, T>,
+    pub(super) corners: ClipVertices<'a, T>,
     pub(super) filter: Filter,
     pub(super) records: &'a [Record],
     /// Per face: the sign of its area as it is seen, 0 where that is zero within rounding or that side is culled.
@@ -70,14 +70,12 @@ impl<'a, T: Scalar> Prepared<'a, T> {
 
     /// Whether a face is drawn.
     pub(super) fn is_drawn(&self, face: usize) -> bool {
-        let are_beyond = || self.corners_of(face).map(|corner| corner.beyond(self.size));
-        self.orientations[face] != 0 && {
-            let [a, b, c] = are_beyond();
-            a & b & c == 0
-        }
+        let [p, q, r] = self.corners_of(face);
+        let beyond = |corner: Corner<T::Wide>| corner.beyond(self.size);
+        self.orientations[face] != 0 && beyond(p) & beyond(q) & beyond(r) == 0
     }
 
-    /// What faces that are drawn can touch, with whole pixels and not with centres alone.
+    /// What faces that are drawn can touch, with whole pixels and not with centres alone: that by which they were listed.
     #[inline(always)]
     pub(super) fn touch(&self, faces: &[u32], touched: &mut Vec<Touched>) {
         touched.clear();

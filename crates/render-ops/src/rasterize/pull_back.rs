@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::Corners;
+use super::corner::{ClipVertices, Corner};
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
@@ -26,7 +26,7 @@ use crate::homogeneous::missing_factors;
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct WeightPullBack<'a, T: Scalar> {
     pub(super) coverage: &'a Coverage,
-    pub(super) corners: Corners<'a, T>,
+    pub(super) corners: ClipVertices<'a, T>,
     pub(super) uv: &'a [T],
     pub(super) uv_bar: &'a [T],
 }
@@ -41,10 +41,10 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
             return rows.fill(T::Wide::ZERO);
         }
         let corners = self.corners.of_face(mesh.faces()[centers.face(slot)]);
+        let face = self.face(slot, &corners);
         if !has_even_vertices(&corners.map(|corner| corner.vertex), *size) {
-            return self.sum_by_edges(slot, fragments, rows);
+            return self.sum_by_edges(slot, &face, fragments, rows);
         }
-        let face = self.face(slot);
         let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
         let sums = sum_weighted(&Slopes, uv, uv_bar.as_chunks::<2>().0);
         let scale = -T::Wide::ONE / face.determinant();
@@ -58,9 +58,8 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
 impl<T: Scalar> WeightPullBack<'_, T> {
     /// The face of slot `slot` around its first pixel.
     #[inline(always)]
-    fn face(&self, slot: usize) -> LocalFace<T::Wide> {
-        let Coverage { mesh, size, centers, .. } = self.coverage;
-        let corners = self.corners.of_face(mesh.faces()[centers.face(slot)]);
+    fn face(&self, slot: usize, corners: &[Corner<T::Wide>; 3]) -> LocalFace<T::Wide> {
+        let Coverage { size, centers, .. } = self.coverage;
         let factors = corners.map(|corner| corner.factor);
         let vertices = corners.map(|corner| corner.vertex);
         LocalFace::new(vertices, factors, centers.first_pixel_of(slot), *size)
@@ -69,8 +68,14 @@ impl<T: Scalar> WeightPullBack<'_, T> {
     /// The gradients of the face's vertices by edge functions.
     #[cold]
     #[inline(never)]
-    fn sum_by_edges(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
-        let (size, face) = (self.coverage.size, self.face(slot));
+    fn sum_by_edges(
+        &self,
+        slot: usize,
+        face: &LocalFace<T::Wide>,
+        fragments: Range<usize>,
+        rows: &mut [T::Wide],
+    ) {
+        let size = self.coverage.size;
         let mut sums = EdgeSums::default();
         for run in self.coverage.centers.within(slot, fragments) {
             let [mut x, y] = face.center_offset(run.pixel as usize, size);

@@ -298,8 +298,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     }
 }
 
-/// What is kept of a face once it is drawn: a fraction of its [`Setup`], so that those of a band
-/// stay in a core's cache.
+/// What the weights of a face's pixels follow from.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Weights<S> {
     /// The edge functions' coefficients, positive inside.

@@ -1,10 +1,10 @@
-//! What is asked of all vertices before any face is: eight of them side by side.
+//! What is computed for all vertices before faces are judged, eight of them side by side.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::{Corner, Corners};
+use super::corner::{ClipVertices, Corner};
 use super::culling::Extents;
 use super::filter::{Depths, EIGHT, Eight, Filter, Record};
 use crate::homogeneous::Vertex;
@@ -31,15 +31,14 @@ impl<S: Scalar<Wide = S>> Measures<S> {
     /// Of the vertices of these indices.
     #[inline(always)]
     pub(super) fn new<T: Scalar<Wide = S>>(
-        corners: &Corners<'_, T>,
-        size: Size,
+        corners: &ClipVertices<'_, T>,
         vertices: Range<usize>,
     ) -> Self {
         let mut lanes = [Self::default(); EIGHT];
         for first in vertices.clone().step_by(EIGHT) {
             let eight = eight_from(corners, first, vertices.end);
             for k in 0..EIGHT {
-                lanes[k] = lanes[k].with(Self::of_corner(&eight.corner(k), size));
+                lanes[k] = lanes[k].with(Self::of_corner(&eight.corner(k), corners.size));
             }
         }
         lanes.into_iter().fold(Self::default(), Self::with)
@@ -76,16 +75,15 @@ impl<S: Scalar<Wide = S>> Measures<S> {
 /// Writes the records of the vertices from `first` on.
 #[inline(always)]
 pub(super) fn record<T: Scalar>(
-    corners: &Corners<'_, T>,
+    corners: &ClipVertices<'_, T>,
     filter: &Filter,
-    size: Size,
     first: usize,
     records: &mut [Record],
 ) {
     let end = first + records.len();
     let fresh = |first: usize| -> Eight<Record> {
         let eight = eight_from(corners, first, end);
-        std::array::from_fn(|k| filter.record(&eight.corner(k), size))
+        std::array::from_fn(|k| filter.record(&eight.corner(k), corners.size))
     };
     let (blocks, rest) = records.as_chunks_mut::<EIGHT>();
     for (first, records) in (first..).step_by(EIGHT).zip(blocks) {
@@ -117,7 +115,7 @@ impl<S: Scalar> EightCorners<S> {
 /// The vertices from `first` on. Where there are fewer than eight before `end`, the last one takes part several times.
 #[inline(always)]
 fn eight_from<T: Scalar>(
-    corners: &Corners<'_, T>,
+    corners: &ClipVertices<'_, T>,
     first: usize,
     end: usize,
 ) -> EightCorners<T::Wide> {

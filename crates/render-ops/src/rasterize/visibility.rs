@@ -16,7 +16,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
 use super::canvas::{Band, Canvas, Draw, Seen};
-use super::corner::{Corners, Scaling};
+use super::corner::{ClipVertices, Scaling};
 use super::culling::{Judge, Judged, Listed, Rules};
 use super::filter::{Filter, Record};
 use super::prepared::Prepared;
@@ -46,7 +46,9 @@ pub(super) struct Visibility<T: Scalar> {
     records: Vec<Record>,
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
     pub(super) reaches_behind: bool,
+    /// Memory of pieces of faces, and of bands.
     judged: Workbench<Judged>,
+    seen: Workbench<Vec<Seen>>,
     /// Per row of pixels: its band.
     bands_of_rows: Vec<u32>,
     /// The X of each column's pixel centres, in whole blocks.
@@ -56,16 +58,15 @@ pub(super) struct Visibility<T: Scalar> {
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
     canvases: Workbench<Canvas<T>>,
-    seen: Workbench<Vec<Seen>>,
     /// Per layer and slot: whether some pixel that its face covered had to be settled.
     were_settled: Vec<Vec<bool>>,
-    /// Per band: what is seen in boundary pixels of each layer.
-    bands: Vec<Vec<Band<T>>>,
+    /// What is seen in boundary pixels of each band: exact coverage has one layer.
+    bands: Vec<Band<T>>,
 }
 
 impl<T: Scalar> Visibility<T> {
-    /// Finds the runs, and what their weights follow from, which the bands hold: of as many `layers` as there
-    /// are, the nearest ones, or those behind the layer `front`.
+    /// Finds the runs of as many `layers` as there are, the nearest ones, or those behind the layer `front`; and of exact
+    /// coverage the pieces of boundary pixels, which the bands hold.
     pub(super) fn run(
         &mut self,
         clip: &[T],
@@ -97,7 +98,7 @@ impl<T: Scalar> Visibility<T> {
             coverage.end_centers();
             coverage.boundary.clear();
             if options.sampling.has_pieces() {
-                join_pieces(self.bands(layer), coverage);
+                join_pieces(self.bands(), coverage);
             }
         }
         made(&mut layers[0]).orientations = orientations;
@@ -117,29 +118,26 @@ impl<T: Scalar> Visibility<T> {
     }
 
     /// The vertices of the mesh that was drawn last, whose positions are `clip`.
-    pub(super) fn corners<'a>(&self, clip: &'a [T], size: Size) -> Corners<'a, T> {
-        Corners::new(clip, size, self.scaling)
+    pub(super) fn corners<'a>(&self, clip: &'a [T], size: Size) -> ClipVertices<'a, T> {
+        ClipVertices::new(clip, size, self.scaling)
     }
 
     /// Returns what is at least the rounding of any face's area.
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) -> T::Wide {
         let Self { records, filter, .. } = self;
         resize(records, count, Record::default);
-        // Hardly any mesh is multiplied, so that mostly this is all.
-        let mut measures = measure(&Corners::new(clip, size, Scaling::Own), size);
+        // With their own factors vertices are as large as with a common one, or larger: bounds hold for both.
+        let measures = measure(&ClipVertices::new(clip, size, Scaling::Own));
         self.scaling = Scaling::new(measures.factors);
-        let corners = Corners::new(clip, size, self.scaling);
-        if let Scaling::Common(_) = self.scaling {
-            measures = measure(&corners, size);
-        }
+        let corners = ClipVertices::new(clip, size, self.scaling);
         *filter = Filter::new(measures.depths, size);
         let work = |first, records: &mut [Record]| {
             dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
-                    // Moved, so that the closure can run only once.
+                    // Moved, so that the closure can run only once and is inlined here.
                     let records = records;
-                    vertices::record(&corners, filter, size, first, records);
+                    vertices::record(&corners, filter, first, records);
                 },
             );
         };
@@ -207,23 +205,22 @@ impl<T: Scalar> Visibility<T> {
     fn draw_bands(
         &self,
         view: &Prepared<'_, T>,
-        bands: &mut Vec<Vec<Band<T>>>,
+        bands: &mut Vec<Band<T>>,
         (layers, were_settled): (&mut [Arc<Coverage>], &mut [Vec<bool>]),
     ) {
         layers.iter_mut().for_each(|layer| made(layer).begin_centers());
-        bands.resize_with(self.faces.len(), Vec::new);
+        bands.resize_with(self.faces.len(), Band::default);
         let count = layers.len();
         let is_shared = self.is_drawing_shared(view);
         let pairs = bands.iter_mut().zip(&self.faces).enumerate();
-        let draw = |(band, (bands, faces)): (usize, (&mut Vec<Band<T>>, &Vec<u32>))| {
-            bands.resize_with(count, Band::default);
-            // So that it stays in a core's cache, too, until it is joined.
+        let draw = |(index, (band, faces)): (usize, (&mut Band<T>, &Vec<u32>))| {
+            // Memory of an earlier band: what is written there stays in a core's cache until it is joined.
             let mut seen = self.seen.take();
             seen.resize_with(count, Seen::default);
-            let rows = view.band(band);
+            let rows = view.band(index);
             self.canvases.with(|canvas| {
                 let seen = &mut *seen;
-                dispatch_256::<T, _>(Draw { canvas, view, rows, faces, seen, bands });
+                dispatch_256::<T, _>(Draw { canvas, view, rows, faces, seen, band });
             });
             seen
         };
@@ -252,7 +249,7 @@ impl<T: Scalar> Visibility<T> {
         self.faces.len() > 1 && is_shared(work, WORK_TO_SHARE)
     }
 
-    /// What the stages share, of a first layer without a gradient: all that [`Band::weigh`] needs.
+    /// What the stages share, of a first layer without a gradient: all that [`Weigh`](super::canvas::Weigh) needs.
     pub(super) fn drawn<'a>(
         &'a self,
         clip: &'a [T],
@@ -288,22 +285,19 @@ impl<T: Scalar> Visibility<T> {
         &self.were_settled[layer]
     }
 
-    /// The bands of a layer, from the top.
-    pub(super) fn bands(
-        &self,
-        layer: usize,
-    ) -> impl ExactSizeIterator<Item = &Band<T>> + Clone + Send {
-        self.bands.iter().map(move |of_layers| &of_layers[layer])
+    /// What is seen in boundary pixels of each band, from the top.
+    pub(super) fn bands(&self) -> impl ExactSizeIterator<Item = &Band<T>> + Clone + Send {
+        self.bands.iter()
     }
 }
 
 /// What is known of all vertices together.
-fn measure<T: Scalar>(corners: &Corners<'_, T>, size: Size) -> Measures<T::Wide> {
+fn measure<T: Scalar>(corners: &ClipVertices<'_, T>) -> Measures<T::Wide> {
     let mut measures = Measures::default();
     let work = |vertices: Range<usize>| {
         dispatch_256::<T, _>(
             #[inline(always)]
-            || Measures::new(corners, size, vertices),
+            || Measures::new(corners, vertices),
         )
     };
     let merge = |others| measures = measures.with(others);

@@ -20,14 +20,14 @@ use super::polygon::line_bar;
 use crate::dispatch::dispatch_256;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
-use crate::rasterize::corner::Corners;
+use crate::rasterize::corner::ClipVertices;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
 pub(in crate::rasterize) struct PiecePullBack<'a, T: Scalar> {
     pub(in crate::rasterize) mesh: &'a Mesh,
     pub(in crate::rasterize) size: Size,
-    pub(in crate::rasterize) corners: Corners<'a, T>,
+    pub(in crate::rasterize) corners: ClipVertices<'a, T>,
     /// The faces that were drawn in the band.
     pub(in crate::rasterize) faces: &'a [u32],
     pub(in crate::rasterize) pieces: &'a Pieces<T::Wide>,

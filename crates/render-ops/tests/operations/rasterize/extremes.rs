@@ -104,3 +104,25 @@ fn weights_on_edges_through_pixel_centres_are_not_negative() {
         }
     }
 }
+
+#[test]
+fn weights_on_edges_through_pixel_centres_are_not_negative_in_any_band() {
+    // Bands of eight rows.
+    let size = Size { width: 2048, height: 40 };
+    let mut clip = Clip::new();
+    for band in 0..5 {
+        for k in 0..60 {
+            let (x, y) = (30.0 * f64::from(k), 8.0 * f64::from(band));
+            // None in the first band.
+            let along = if band == 0 { y + 1.7 } else { y + 1.5 };
+            let (near, far) = (x + 0.037 * f64::from(k), x + 25.0);
+            let face = [[near, along], [far, along], [x + 3.0, y + 7.9]];
+            clip.extend(face.map(|[x, y]| at_px(size, x, y)));
+        }
+    }
+    let turned = |k: u32| [0, 1, 2].map(|i| 3 * k + (i + k) % 3);
+    let faces: Vec<_> = (0..clip.len() as u32 / 3).map(turned).collect();
+    for seen in draw::<f64>(&clip, &faces, size).pixels.iter().flatten() {
+        assert!(seen.uv.iter().all(|weight| (0.0..=1.0).contains(weight)), "{seen:?}");
+    }
+}

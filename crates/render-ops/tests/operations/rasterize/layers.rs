@@ -8,6 +8,8 @@ use bokashi_render_ops::{
 use proptest::prelude::*;
 use rayon::ThreadPoolBuilder;
 
+use super::{at_px, tensor};
+
 const SIZE: Size = Size { width: 150, height: 131 };
 
 /// Faces in and through each other, some of them twice, some through the eye.
@@ -173,4 +175,28 @@ fn layers_of_another_size_are_refused() {
     let error = rasterize_behind(&front, Size::square(8)).unwrap_err();
     let rule = "a layer needs the size of the layer in front, 150 x 131, got 8 x 8";
     assert_eq!(error.to_string(), rule);
+}
+
+#[test]
+fn a_face_between_centres_is_in_no_layer() {
+    // Vertices so near to a row or column of centres that rounding to the filter's units decides what they can touch.
+    let size = Size::square(1024);
+    let mut clip = vec![[-1.0, 1.0, -0.5, 1.0], [3.0, 1.0, -0.5, 1.0], [-1.0, -3.0, -0.5, 1.0]];
+    for row in [0, 15, 16, 100, 511, 512, 1000] {
+        for off in [0.4e-6, 0.9e-6, 1.1e-6, 1.5e-6, 2e-6, 3e-6, 6e-6] {
+            let [low, high] = [f64::from(row) + 0.5 + off, f64::from(row) + 1.5 - off];
+            for [p, q, r] in [
+                [[99.7, low], [100.8, low + 0.3], [100.2, high]],
+                [[low, 99.7], [low + 0.3, 100.8], [high, 100.2]],
+            ] {
+                clip.extend([p, q, r].map(|[x, y]| at_px(size, x, y)));
+            }
+        }
+    }
+    let faces = (0..clip.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let mesh = Mesh::new(faces, clip.len()).unwrap();
+    let tape = Tape::<f64>::new();
+    let layers = depth_layers(tape.constant(&tensor(&clip)), &mesh, size, None).unwrap();
+    assert_eq!(layers.iter().map(|layer| layer.coverage.count()).collect::<Vec<_>>(), [1 << 20]);
+    assert_eq!(rasterize_behind(&layers[0], size).unwrap().coverage.count(), 0);
 }
