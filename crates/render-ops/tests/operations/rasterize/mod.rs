@@ -138,3 +138,40 @@ fn layered() -> (Clip, Vec<[u32; 3]>) {
 }
 
 const WIDE: Size = Size { width: 31, height: 22 };
+
+#[test]
+fn faces_are_counted_anew_in_each_step() {
+    // More faces than a thread judges at once. Some reach behind the eye, repeat a vertex, or lie outside.
+    let number = |k: usize| ((k * k * 31 + k * 7919 + 13) % 10007) as f64 / 5003.5 - 1.0;
+    let count = 3000;
+    let vertex = |v: usize| {
+        let w = if v % 11 == 3 { -0.3 } else { 1.0 };
+        [2.0 * number(5 * v), number(5 * v + 1), 0.4 * number(5 * v + 2), w]
+    };
+    let clip: Clip = (0..3 * count).map(vertex).collect();
+    let in_front: Clip = clip.iter().map(|&[x, y, z, w]| [x, y, z, w.abs()]).collect();
+    let face = |k: u32| if k % 97 == 0 { [3 * k; 3] } else { [3 * k, 3 * k + 1, 3 * k + 2] };
+    let faces: Vec<_> = (0..count as u32).map(face).collect();
+    let options = RasterOptions::new(Size::square(16)).cull(Cull::Back);
+    let mesh = Mesh::new(faces.clone(), clip.len()).unwrap();
+    let mut tape = Tape::<f64>::new();
+    for (clip, has_faces_behind) in [(&clip, true), (&in_front, false), (&clip, true)] {
+        let fragments = rasterize(tape.leaf(&tensor(clip)), &mesh, options).unwrap();
+        let mut expected = Culled::default();
+        for &face in &faces {
+            let corners = face.map(|vertex| clip[vertex as usize]).to_vec();
+            let alone = if face[0] == face[1] { [0, 0, 0] } else { [0, 1, 2] };
+            let Culled { degenerate, outside, facing } =
+                draw::<f64>(&corners, &[alone], options).culled;
+            expected.degenerate += degenerate;
+            expected.outside += outside;
+            expected.facing += facing;
+        }
+        assert_eq!(fragments.coverage.culled(), expected);
+        assert!(expected.degenerate > 0 && expected.outside > 0 && expected.facing > 0);
+        let left_out = tape.take_report().left_out;
+        let is_whole_rows = left_out.iter().any(|left| left.reason.contains("behind the eye"));
+        assert_eq!(is_whole_rows, !has_faces_behind);
+        tape.reset();
+    }
+}
