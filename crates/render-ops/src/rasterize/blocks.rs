@@ -10,9 +10,9 @@ use std::sync::atomic::{Ordering, compiler_fence};
 
 use pulp::Simd;
 
-use super::corner::ROUNDING_OF_PIXELS;
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, first_lanes};
 use super::plane::Plane;
+use crate::raster_options::Sampling;
 use crate::size::Size;
 
 /// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
@@ -37,7 +37,7 @@ impl SmallFaces {
     #[inline(always)]
     pub(super) fn new(filter: &Filter, octet: &Octet, size: Size, band: [usize; 2]) -> Self {
         let Boxes { columns: [first, last], rows: [top, bottom], orientations } =
-            filter.boxes(octet, size, ROUNDING_OF_PIXELS);
+            filter.boxes(octet, size, Sampling::Center);
         let [band_top, band_bottom] = band.map(|row| row as i32);
         let [mut blocks, mut tops, mut bottoms] = [[0; EIGHT]; 3];
         for k in 0..EIGHT {

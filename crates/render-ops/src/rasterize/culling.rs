@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS, touched};
+use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, touched};
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
@@ -203,8 +203,10 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
         let Self { rules, faces, first, orientations, judged } = self;
         judged.culled = Culled::default();
         judged.reaches_behind = false;
-        resize(&mut judged.listed, faces.len(), Listed::default);
-        let (mut count, mut facing) = (0, 0);
+        // Taken out, so that its place stays in a register.
+        let mut listed = std::mem::take(&mut judged.listed);
+        resize(&mut listed, faces.len() + EIGHT, Listed::default);
+        let (mut count, mut facing) = (0, [0; EIGHT]);
         let blocks = faces.chunks(EIGHT).zip(orientations.chunks_mut(EIGHT));
         for (first, (faces, orientations)) in (first as u32..).step_by(EIGHT).zip(blocks) {
             let mut eight = rules.judge_eight(faces);
@@ -212,16 +214,23 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
                 rules.settle(&mut eight, faces, judged);
             }
             orientations.copy_from_slice(&eight.orientations[..faces.len()]);
-            for k in 0..faces.len() {
+            facing = std::array::from_fn(|k| facing[k] + eight.are_away[k]);
+            // Neighbours mostly turn the same way.
+            if eight.are_listed == [0; EIGHT] {
+                continue;
+            }
+            let Some(next) = listed[count..].first_chunk_mut::<EIGHT>() else { break };
+            let mut place = 0;
+            for k in 0..EIGHT {
                 // Without a branch, which nobody could foretell.
                 let rows = [eight.rows[0][k] as u32, eight.rows[1][k] as u32];
-                judged.listed[count] = Listed { face: first + k as u32, rows };
-                count += eight.are_listed[k] as usize;
-                facing += eight.are_away[k] as usize;
+                next[place % EIGHT] = Listed { face: first + k as u32, rows };
+                place += eight.are_listed[k] as usize;
             }
+            count += place;
         }
-        judged.culled.facing += facing;
-        judged.listed_count = count;
+        judged.culled.facing += facing.into_iter().sum::<u32>() as usize;
+        (judged.listed, judged.listed_count) = (listed, count);
     }
 }
 
@@ -243,10 +252,9 @@ impl<T: Scalar> Rules<'_, T> {
     fn judge_eight(&self, faces: &[[u32; 3]]) -> EightJudged {
         let Self { records, filter, options, .. } = *self;
         let away = i32::from(turned_away(options.cull));
-        let margin = reach_of_pixels(options.sampling) + ROUNDING_OF_PIXELS;
         let filled = || std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
         let eight = faces.first_chunk().copied().unwrap_or_else(filled);
-        let boxes = filter.boxes(&Octet::gather(records, eight), options.size, margin);
+        let boxes = filter.boxes(&Octet::gather(records, eight), options.size, options.sampling);
         let Boxes { columns, rows, orientations } = boxes;
         let mut judged = EightJudged {
             orientations: [0; EIGHT],
@@ -256,10 +264,12 @@ impl<T: Scalar> Rules<'_, T> {
             has_doubt: false,
         };
         for k in 0..EIGHT {
-            let is_away = orientations[k] == away;
+            // Those that only fill the block are neither.
+            let is_own = k < faces.len();
+            let is_away = is_own & (orientations[k] == away);
             let is_empty = (columns[0][k] > columns[1][k]) | (rows[0][k] > rows[1][k]);
             judged.are_away[k] = u32::from(is_away);
-            judged.are_listed[k] = u32::from(!(is_away | is_empty));
+            judged.are_listed[k] = u32::from(is_own & !(is_away | is_empty));
             judged.orientations[k] = if is_away { 0 } else { orientations[k] as i8 };
             judged.has_doubt |= orientations[k] == 0;
         }

@@ -6,7 +6,7 @@
 //!
 //! # Vertices
 //! A vertex of 16 bytes has its pixel coordinates as whole numbers of a unit h, so that differences are exact, and its
-//! depth z / w less the middle of all depths, so that they are small. Only *tame* vertices have one (`culling`).
+//! depth z / w less the middle of all depths, so that they are small. Only *tame* vertices have one (`corner`).
 //!
 //! # Bounds
 //! Let b be the larger side of a face's box in pixels and `B = b + 1`. Coordinates from the face's first pixel are off by
@@ -34,7 +34,8 @@
 use bokashi_core::Scalar;
 use pulp::Simd;
 
-use super::corner::Corner;
+use super::corner::{Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS};
+use crate::raster_options::Sampling;
 use crate::size::Size;
 
 /// Faces, or pixels of a row, that are worked on side by side.
@@ -79,6 +80,11 @@ pub(super) struct Filter {
     unit: f32,
     /// In square pixels: see the head of this file.
     slack: f32,
+    /// The same in square units.
+    slack_in_units: f32,
+    /// Half a pixel, and more than the roundings of a coordinate within the image, in units.
+    half: i32,
+    rounding: i32,
     /// The middle of the depths.
     middle: f64,
     /// Stored depths have so many units.
@@ -163,8 +169,18 @@ impl Filter {
         // Where there is nothing to tell apart, that of all depths in view.
         let half = 0.5 * (largest - least);
         let per_depth = 1.0 / (RESOLUTION * if half > LEAST_HALF { half } else { LARGEST_DEPTH });
-        let is_flat = largest_z == 0.0;
-        Self { bits, unit: unit as f32, slack: slack as f32, middle, per_depth, is_flat }
+        let [unit_in_pixels, slack] = [unit, slack].map(|number| number as f32);
+        Self {
+            bits,
+            unit: unit_in_pixels,
+            slack,
+            slack_in_units: slack / (unit_in_pixels * unit_in_pixels),
+            half: (HALF_A_PIXEL / unit).ceil() as i32,
+            rounding: (ROUNDING_OF_PIXELS / unit).ceil() as i32 + 1,
+            middle,
+            per_depth,
+            is_flat: largest_z == 0.0,
+        }
     }
 
     /// Of a vertex.
@@ -232,17 +248,12 @@ impl Filter {
         (depths, simd.mul_add_e_f32s(digits, simd.abs_f32s(depths), simd.splat_f32s(1.0)))
     }
 
-    /// Units in `pixels`, rounded up, and one.
-    fn units_in(&self, pixels: f64) -> i32 {
-        (pixels / f64::from(self.unit)).ceil() as i32 + 1
-    }
-
-    /// What eight faces can touch, up to `margin` pixels beyond them, and which way they turn.
+    /// What eight faces can touch of pixels, as they are sampled, and which way they turn.
     #[inline(always)]
-    pub(super) fn boxes(&self, octet: &Octet, size: Size, margin: f64) -> Boxes {
+    pub(super) fn boxes(&self, octet: &Octet, size: Size, sampling: Sampling) -> Boxes {
         let Octet { x, y, w, .. } = octet;
         let bits = self.bits;
-        let margin = self.units_in(margin);
+        let margin = self.rounding + if sampling.has_pieces() { self.half } else { 0 };
         let up = (1 << bits) - 1 - margin;
         let last = [size.width, size.height].map(|extent| extent as i32 - 1);
         let mut boxes = Boxes::default();
@@ -272,7 +283,7 @@ impl Filter {
     fn area_bound(&self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
         (ax.abs() + ay.abs() + bx.abs() + by.abs() + 2.0)
             + 4.2 * HALF_EPSILON * ((ay * bx).abs() + (ax * by).abs())
-            + self.slack / (self.unit * self.unit)
+            + self.slack_in_units
     }
 
     /// Coordinates in pixels from the first column and row of eight boxes.
@@ -349,7 +360,7 @@ impl Octet {
 #[cfg(test)]
 mod tests {
     use super::super::blocks::SmallFaces;
-    use super::super::corner::{ClipVertices, ROUNDING_OF_PIXELS, Scaling};
+    use super::super::corner::{ClipVertices, Scaling};
     use super::super::vertices::{Measures, record};
     use super::*;
 
@@ -389,7 +400,7 @@ mod tests {
         let mut records = [Record::default(); 5];
         record(&corners, &filter, 0, &mut records);
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
-        let boxes = filter.boxes(&octet, size, ROUNDING_OF_PIXELS);
+        let boxes = filter.boxes(&octet, size, Sampling::Center);
         let small = SmallFaces::new(&filter, &octet, size, [0, extent - 1]);
         let cross = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ay * bx - ax * by;
         let less = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
@@ -401,9 +412,7 @@ mod tests {
         let units = |i: usize, axis: usize| f64::from([&octet.x, &octet.y][axis][i][0]);
         let edge = |i: usize| [0, 1].map(|axis| (units(i, axis) - units(0, axis)) as f32);
         let ([ax, ay], [bx, by]) = (edge(1), edge(2));
-        let bound = f64::from(
-            filter.area_bound([ax, ay], [bx, by]) - filter.slack / (filter.unit * filter.unit),
-        );
+        let bound = f64::from(filter.area_bound([ax, ay], [bx, by]) - filter.slack_in_units);
         errors.area = (f64::from(ay * bx - ax * by) - area / (unit * unit)).abs() / bound;
         if boxes.orientations[0] == 0 {
             return errors;

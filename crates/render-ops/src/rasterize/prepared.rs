@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::corner::{ClipVertices, Corner, HALF_A_PIXEL, ROUNDING_OF_PIXELS};
+use super::corner::{ClipVertices, Corner, HALF_A_PIXEL};
 use super::culling::Touched;
 use super::filter::{EIGHT, Filter, Octet, Record};
 use super::setup::{Setup, Weights};
@@ -82,7 +82,7 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         for faces in faces.chunks(EIGHT) {
             let eight = |k: usize| self.mesh.faces()[faces[k.min(faces.len() - 1)] as usize];
             let octet = Octet::gather(self.records, std::array::from_fn(eight));
-            let boxes = self.filter.boxes(&octet, self.size, HALF_A_PIXEL + ROUNDING_OF_PIXELS);
+            let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
             touched.extend(faces.iter().enumerate().map(|(k, &face)| {
                 if boxes.orientations[k] == 0 {
                     let corners = self.corners_of(face as usize);
