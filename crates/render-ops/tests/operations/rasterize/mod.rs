@@ -150,7 +150,8 @@ fn faces_are_counted_anew_in_each_step() {
     };
     let clip: Clip = (0..3 * count).map(vertex).collect();
     let in_front: Clip = clip.iter().map(|&[x, y, z, w]| [x, y, z, w.abs()]).collect();
-    let face = |k: u32| if k.is_multiple_of(97) { [3 * k; 3] } else { [3 * k, 3 * k + 1, 3 * k + 2] };
+    let face =
+        |k: u32| if k.is_multiple_of(97) { [3 * k; 3] } else { [3 * k, 3 * k + 1, 3 * k + 2] };
     let faces: Vec<_> = (0..count as u32).map(face).collect();
     let options = RasterOptions::new(Size::square(16)).cull(Cull::Back);
     let mesh = Mesh::new(faces.clone(), clip.len()).unwrap();
