@@ -19,9 +19,9 @@ use crate::runs::Runs;
 use crate::scratch::resize;
 use crate::size::Size;
 
-/// What is seen at the pixel centres of a band.
+/// What one layer shows at the pixel centres of a band.
 #[derive(Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct BandLayer {
     pub(super) runs: BandRuns,
     /// Per slot: whether some pixel that its face covered had to be settled.
     pub(super) were_settled: Vec<bool>,
@@ -59,7 +59,7 @@ pub(super) struct Draw<'a, T: Scalar> {
     pub(super) rows: Range<usize>,
     pub(super) faces: &'a [u32],
     /// Per layer.
-    pub(super) seen: &'a mut [Seen],
+    pub(super) seen: &'a mut [BandLayer],
     pub(super) band: &'a mut Band<T>,
 }
 
@@ -121,7 +121,7 @@ impl<T: Scalar> Canvas<T> {
         view: &Prepared<'_, T>,
         rows: Range<usize>,
         faces: &[u32],
-        (seen, band): (&mut [Seen], &mut Band<T>),
+        (seen, band): (&mut [BandLayer], &mut Band<T>),
     ) {
         self.plane.fit(view.size.width, view.rows);
         self.peeling.fit(view);
@@ -265,9 +265,15 @@ impl<T: Scalar> Canvas<T> {
 
     /// Reads the plane as the runs of a layer of a band, and forgets what was drawn there.
     #[inline(always)]
-    fn read(&mut self, view: &Prepared<'_, T>, seen: &mut Seen, rows: Range<usize>, faces: &[u32]) {
+    fn read(
+        &mut self,
+        view: &Prepared<'_, T>,
+        seen: &mut BandLayer,
+        rows: Range<usize>,
+        faces: &[u32],
+    ) {
         let Self { plane, reader, were_settled, .. } = self;
-        let Seen { runs: seen, were_settled: of_slots } = seen;
+        let BandLayer { runs: seen, were_settled: of_slots } = seen;
         reader.begin(faces.len(), seen);
         for (local, row) in rows.enumerate() {
             reader.begin_row(seen);

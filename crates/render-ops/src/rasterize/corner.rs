@@ -147,7 +147,7 @@ impl<'a, T: Scalar> ClipVertices<'a, T> {
     }
 
     #[inline(always)]
-    pub(super) fn at(&self, vertex: u32) -> Corner<T::Wide> {
+    pub(super) fn corner(&self, vertex: u32) -> Corner<T::Wide> {
         match self.scaling {
             Scaling::One => {
                 let vertex = Vertex::in_range(self.clip, vertex, self.size);
@@ -163,9 +163,9 @@ impl<'a, T: Scalar> ClipVertices<'a, T> {
 
     /// Those of a face.
     #[inline(always)]
-    pub(super) fn of_face(&self, [p, q, r]: [u32; 3]) -> [Corner<T::Wide>; 3] {
+    pub(super) fn corners_of(&self, [p, q, r]: [u32; 3]) -> [Corner<T::Wide>; 3] {
         // Not by `map`, which can be a call.
-        [self.at(p), self.at(q), self.at(r)]
+        [self.corner(p), self.corner(q), self.corner(r)]
     }
 }
 

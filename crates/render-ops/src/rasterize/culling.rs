@@ -284,7 +284,7 @@ impl<T: Scalar> Rules<'_, T> {
             if eight.orientations[k] != 0 || eight.are_away[k] == 1 {
                 continue;
             }
-            let corners = self.corners.of_face(vertices);
+            let corners = self.corners.corners_of(vertices);
             let verdict =
                 Verdict::from_corners(corners.each_ref(), vertices, self.options, self.most_noise);
             let touched = judged.count(&verdict);

@@ -96,7 +96,7 @@ impl<'a, T: Scalar> Prepared<'a, T> {
 
     #[inline(always)]
     pub(super) fn corners_of(&self, face: usize) -> [Corner<T::Wide>; 3] {
-        self.corners.of_face(self.mesh.faces()[face])
+        self.corners.corners_of(self.mesh.faces()[face])
     }
 }
 

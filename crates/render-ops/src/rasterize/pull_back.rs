@@ -40,7 +40,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
         if self.uv_bar[entries.clone()].iter().all(|&bar| bar.is_same(T::ZERO)) {
             return rows.fill(T::Wide::ZERO);
         }
-        let corners = self.corners.of_face(mesh.faces()[centers.face(slot)]);
+        let corners = self.corners.corners_of(mesh.faces()[centers.face(slot)]);
         let face = self.face(slot, &corners);
         if !has_even_vertices(&corners.map(|corner| corner.vertex), *size) {
             return self.sum_by_edges(slot, &face, fragments, rows);

@@ -38,14 +38,14 @@ impl<S: Scalar<Wide = S>> Measures<S> {
         for first in vertices.clone().step_by(EIGHT) {
             let eight = eight_from(corners, first, vertices.end);
             for k in 0..EIGHT {
-                lanes[k] = lanes[k].with(Self::of_corner(&eight.corner(k), corners.size));
+                lanes[k] = lanes[k].with(Self::from_corner(&eight.corner(k), corners.size));
             }
         }
         lanes.into_iter().fold(Self::default(), Self::with)
     }
 
     #[inline(always)]
-    fn of_corner(corner: &Corner<S>, size: Size) -> Self {
+    fn from_corner(corner: &Corner<S>, size: Size) -> Self {
         let Vertex { x, y, z, w } = corner.vertex;
         let (depth, is_tame) = (corner.depth(), corner.is_tame(size));
         let depths = Depths {
@@ -123,7 +123,7 @@ fn eight_from<T: Scalar>(
     let mut eight = EightCorners { x: zero, y: zero, z: zero, w: zero, factors: zero };
     for k in 0..EIGHT {
         let Corner { vertex: Vertex { x, y, z, w }, factor } =
-            corners.at((first + k).min(end - 1) as u32);
+            corners.corner((first + k).min(end - 1) as u32);
         (eight.x[k], eight.y[k], eight.z[k], eight.w[k]) = (x, y, z, w);
         eight.factors[k] = factor;
     }

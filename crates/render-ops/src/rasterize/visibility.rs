@@ -15,7 +15,7 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{is_shared, merge_each};
 
-use super::canvas::{Band, Canvas, Draw, Seen};
+use super::canvas::{Band, BandLayer, Canvas, Draw};
 use super::corner::{ClipVertices, Scaling};
 use super::culling::{Judge, Judged, Listed, Rules};
 use super::filter::{Filter, Record};
@@ -48,7 +48,7 @@ pub(super) struct Visibility<T: Scalar> {
     pub(super) reaches_behind: bool,
     /// Memory of pieces of faces, and of bands.
     judged: Workbench<Judged>,
-    seen: Workbench<Vec<Seen>>,
+    seen: Workbench<Vec<BandLayer>>,
     /// Per row of pixels: its band.
     bands_of_rows: Vec<u32>,
     /// The X of each column's pixel centres, in whole blocks.
@@ -216,7 +216,7 @@ impl<T: Scalar> Visibility<T> {
         let draw = |(index, (band, faces)): (usize, (&mut Band<T>, &Vec<u32>))| {
             // Memory of an earlier band: what is written there stays in a core's cache until it is joined.
             let mut seen = self.seen.take();
-            seen.resize_with(count, Seen::default);
+            seen.resize_with(count, BandLayer::default);
             let rows = view.band(index);
             self.canvases.with(|canvas| {
                 let seen = &mut *seen;
@@ -224,9 +224,10 @@ impl<T: Scalar> Visibility<T> {
             });
             seen
         };
-        merge_each(is_shared, pairs, draw, |seen: Vec<Seen>| {
+        merge_each(is_shared, pairs, draw, |seen: Vec<BandLayer>| {
             let of_layers = layers.iter_mut().zip(&mut *were_settled);
-            for (Seen { runs, were_settled }, (layer, of_slots)) in seen.iter().zip(of_layers) {
+            for (BandLayer { runs, were_settled }, (layer, of_slots)) in seen.iter().zip(of_layers)
+            {
                 made(layer).add_centers(runs);
                 of_slots.extend(were_settled);
             }

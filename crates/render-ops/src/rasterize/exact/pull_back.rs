@@ -69,7 +69,7 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     #[inline(never)]
     fn new<T: Scalar<Wide = S>>(band: &PiecePullBack<'_, T>, band_face: u32, pixel: usize) -> Self {
         let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
-        let corners = band.corners.of_face(indices);
+        let corners = band.corners.corners_of(indices);
         let vertices = corners.map(|corner| corner.vertex);
         let factors = corners.map(|corner| corner.factor);
         let face = LocalFace::new(vertices, factors, pixel, band.size);
