@@ -6,17 +6,14 @@ use bokashi_core::Scalar;
 
 use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFaces;
-use super::culling::Touched;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::filter::{EIGHT, Octet};
 use super::plane::Plane;
-use super::prepared::Prepared;
-use super::setup::Weights;
+use super::prepared::{Prepared, Reach};
 use super::spans::RowOfPixels;
 use crate::dispatch::dispatch_256;
 use crate::run_reader::{BandRuns, NO_FACE, RunReader};
 use crate::runs::Runs;
-use crate::scratch::resize;
 use crate::size::Size;
 
 /// What one layer shows at the pixel centres of a band.
@@ -38,9 +35,8 @@ pub(super) struct Band<T: Scalar> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Canvas<T: Scalar> {
-    /// Of the band's faces, where exact coverage asks for all of them: their weights, and which pixels they can touch.
-    weights: Vec<Weights<T::Wide>>,
-    touched: Vec<Touched>,
+    /// Of the band's faces, where exact coverage asks for all of them.
+    reaches: Vec<Reach>,
     /// Where faces are drawn.
     plane: Plane,
     /// Per face of the band: whether some pixel that it covered had to be settled.
@@ -240,18 +236,14 @@ impl<T: Scalar> Canvas<T> {
         rows: Range<usize>,
         faces: &[u32],
     ) {
-        let Self { search, weights, touched, were_settled, slot_of, .. } = self;
-        resize(weights, faces.len(), Weights::default);
-        for ((weights, &face), &was_settled) in weights.iter_mut().zip(faces).zip(&*were_settled) {
-            *weights = view.weights(face as usize, was_settled);
-        }
+        let Self { search, reaches, slot_of, .. } = self;
         let Band { pieces, piece_fragments, .. } = band;
         let first = rows.start * view.size.width;
         dispatch_256::<T, _>(
             #[inline(always)]
             || {
-                view.touch(faces, touched);
-                search.run(&BandFaces { view, rows, faces, weights, touched }, pieces);
+                view.find_reaches(faces, reaches);
+                search.run(&BandFaces { view, rows, faces, reaches }, pieces);
             },
         );
         piece_fragments.sort(pieces, faces, slot_of);

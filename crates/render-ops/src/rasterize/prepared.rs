@@ -13,6 +13,15 @@ use crate::mesh::Mesh;
 use crate::raster_options::{Limits, Sampling};
 use crate::size::Size;
 
+/// How far a face that is drawn reaches.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    /// What it can touch, with whole pixels and not with centres alone.
+    pub(super) touched: Touched,
+    /// Whether all its vertices surely are tame. Then none of them lies beyond the depth range.
+    pub(super) is_tame: bool,
+}
+
 /// What the stages share.
 pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
@@ -75,21 +84,23 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         self.orientations[face] != 0 && beyond(p) & beyond(q) & beyond(r) == 0
     }
 
-    /// What faces that are drawn can touch, with whole pixels and not with centres alone: that by which they were listed.
+    /// How far faces that are drawn reach: that by which they were listed.
     #[inline(always)]
-    pub(super) fn touch(&self, faces: &[u32], touched: &mut Vec<Touched>) {
-        touched.clear();
+    pub(super) fn find_reaches(&self, faces: &[u32], reaches: &mut Vec<Reach>) {
+        reaches.clear();
         for faces in faces.chunks(EIGHT) {
             let eight = |k: usize| self.mesh.faces()[faces[k.min(faces.len() - 1)] as usize];
             let octet = Octet::gather(self.records, std::array::from_fn(eight));
             let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
-            touched.extend(faces.iter().enumerate().map(|(k, &face)| {
-                if boxes.orientations[k] == 0 {
+            reaches.extend(faces.iter().enumerate().map(|(k, &face)| {
+                let is_tame = boxes.orientations[k] != 0;
+                let touched = if is_tame {
+                    Touched::from_box(&boxes, k)
+                } else {
                     let corners = self.corners_of(face as usize);
                     Touched::from_corners(corners.each_ref(), self.size, HALF_A_PIXEL)
-                } else {
-                    Touched::from_box(&boxes, k)
-                }
+                };
+                Reach { touched, is_tame }
             }));
         }
     }

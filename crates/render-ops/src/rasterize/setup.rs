@@ -299,10 +299,10 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 }
 
 /// What the weights of a face's pixels follow from.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<S> {
     /// The edge functions' coefficients, positive inside.
-    pub(super) edges: [[S; 3]; 3],
+    edges: [[S; 3]; 3],
     /// Whether no pixel that was covered had to be settled, and all vertices have one factor.
     pub(super) is_plain: bool,
 }
@@ -350,7 +350,7 @@ impl<S: Scalar<Wide = S>> Weights<S> {
 
 /// The edge functions' coefficients of a face of that orientation, positive inside.
 #[inline(always)]
-fn signed_edges<S: Scalar>([p, q, r]: &[Vertex<S>; 3], orientation: i8) -> [[S; 3]; 3] {
+pub(super) fn signed_edges<S: Scalar>([p, q, r]: &[Vertex<S>; 3], orientation: i8) -> [[S; 3]; 3] {
     let sign = S::from_f64(f64::from(orientation));
     let edges = [edge(*q, *r), edge(*r, *p), edge(*p, *q)];
     edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey])

@@ -11,9 +11,8 @@ use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::corner::Corner;
-use crate::rasterize::culling::Touched;
-use crate::rasterize::prepared::Prepared;
-use crate::rasterize::setup::Weights;
+use crate::rasterize::prepared::{Prepared, Reach};
+use crate::rasterize::setup::signed_edges;
 use crate::size::Size;
 
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
@@ -49,9 +48,7 @@ pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) view: &'a Prepared<'v, T>,
     pub(in crate::rasterize) rows: Range<usize>,
     pub(in crate::rasterize) faces: &'a [u32],
-    pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
-    /// Which pixels each can touch.
-    pub(in crate::rasterize) touched: &'a [Touched],
+    pub(in crate::rasterize) reaches: &'a [Reach],
 }
 
 /// The box of a face's pixels, or of blocks of them.
@@ -111,7 +108,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             if !marks.has_some(rows.clone(), columns.clone()) {
                 continue;
             }
-            let edges = self.weights[index].edges;
+            let edges = self.edges(index as u32);
             let reach =
                 edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
             if !visit(index as u32, FaceBox { rows, columns, edges, reach }) {
@@ -152,7 +149,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The rows of the band and the columns that a face may reach into.
     #[inline(always)]
     pub(super) fn reach(&self, band_face: u32) -> [Range<usize>; 2] {
-        let [columns, rows] = self.touched[band_face as usize].within(&self.rows);
+        let [columns, rows] = self.reaches[band_face as usize].touched.within(&self.rows);
         [rows, columns]
     }
 
@@ -168,12 +165,36 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         [both(rows, own_rows), both(columns, own_columns)]
     }
 
+    /// A face's vertices.
+    #[inline(always)]
+    pub(super) fn vertices(&self, band_face: u32) -> [Vertex<T::Wide>; 3] {
+        let [p, q, r] = self.view.corners_of(self.faces[band_face as usize] as usize);
+        [p.vertex, q.vertex, r.vertex]
+    }
+
+    /// A face's edge functions around the middle of the image, positive inside. Most faces are far from all pixels that
+    /// ask, so they are worked out for each that does.
+    #[inline(always)]
+    pub(super) fn edges(&self, band_face: u32) -> [Line<T::Wide>; 3] {
+        self.edges_of(band_face, &self.vertices(band_face))
+    }
+
+    /// [`BandFaces::edges`] of a face of these vertices.
+    #[inline(always)]
+    pub(super) fn edges_of(
+        &self,
+        band_face: u32,
+        vertices: &[Vertex<T::Wide>; 3],
+    ) -> [Line<T::Wide>; 3] {
+        let face = self.faces[band_face as usize] as usize;
+        signed_edges(vertices, self.view.orientations[face])
+    }
+
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        let face = self.faces[band_face as usize] as usize;
-        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let vertices = self.vertices(band_face);
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        depth(&vertices, &self.edges_around(band_face, q))
+        depth(&vertices, &self.edges_around(band_face, &vertices, q))
     }
 
     /// A face around the centre of a pixel, of whose edges some run along rows or columns.
@@ -187,7 +208,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
-        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let vertices = self.vertices(band_face);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
             // Across a seam inside the surface both faces still lie side by side.
@@ -195,7 +216,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             _ => NO_FACE,
         });
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        let edges = self.edges_around(band_face, q);
+        let edges = self.edges_around(band_face, &vertices, q);
         let depth = depth(&vertices, &edges);
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
         let sizes = edges.map(size);
@@ -218,10 +239,15 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
     /// `q`.
     #[inline(always)]
-    fn edges_around(&self, band_face: u32, q: [[T::Wide; 2]; 3]) -> [Line<T::Wide>; 3] {
+    fn edges_around(
+        &self,
+        band_face: u32,
+        vertices: &[Vertex<T::Wide>; 3],
+        q: [[T::Wide; 2]; 3],
+    ) -> [Line<T::Wide>; 3] {
         let face = self.faces[band_face as usize] as usize;
         let sign = T::Wide::from_f64(f64::from(self.view.orientations[face]));
-        let mut edges = self.weights[band_face as usize].edges;
+        let mut edges = self.edges_of(band_face, vertices);
         for (k, edge) in edges.iter_mut().enumerate() {
             // From vertices relative to the pixel: `one + x X + y Y` of the image would cancel.
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
@@ -242,7 +268,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     #[cold]
     #[inline(never)]
     fn some_on_border(&self, band_face: u32, some: FaceBits, center: [T::Wide; 2]) -> u8 {
-        let edges = &self.weights[band_face as usize].edges;
+        let edges = self.edges(band_face);
         let bounds = self.edge_error_bounds(band_face);
         let is_on_border =
             |k: &usize| some >> k & 1 == 1 && lies_on_border(edges[*k], center, bounds[*k]);
@@ -252,8 +278,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// More than what a face's edge functions are off by anywhere in the image.
     #[inline(always)]
     pub(super) fn edge_error_bounds(&self, band_face: u32) -> [T::Wide; 3] {
-        let corners = self.view.corners_of(self.faces[band_face as usize] as usize);
-        let [p, q, r] = corners.map(|corner| corner.vertex);
+        let [p, q, r] = self.vertices(band_face);
         [(q, r), (r, p), (p, q)].map(|(p, q)| edge_error_bound(p, q, self.view.size))
     }
 }

@@ -16,6 +16,7 @@ use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
 use crate::mesh::Neighbor;
+use crate::rasterize::corner::Corner;
 
 /// The memory of the search.
 #[derive(Debug, Default)]
@@ -71,14 +72,14 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         stripes.extend(band.stripes(stripe_shift(view.size.width)));
         planes.clear(band.faces.len());
         face_bits.clear();
-        face_bits.extend(band.faces.iter().map(
+        face_bits.extend(band.faces.iter().zip(band.reaches).map(
             #[inline(always)]
-            |&face| {
+            |(&face, reach)| {
                 let outline = FaceBits::from(view.silhouettes_of(face as usize));
                 let seams = FaceBits::from(view.mesh.seams_of(face as usize));
                 let marked = outline | seams;
-                let corners = view.corners_of(face as usize);
-                let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
+                let is_beyond = !reach.is_tame
+                    && view.corners_of(face as usize).iter().any(Corner::is_beyond_depths);
                 if marked == 0 {
                     return FaceBits::from(is_beyond) << BEYOND;
                 }
@@ -101,7 +102,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                 own &= own - 1;
                 // An edge of two faces is marked once, by the face that stands for it.
                 let [rows, columns] = band.reach_of_edge(index, corner);
-                let [one, x, y] = band.weights[index as usize].edges[corner];
+                let [one, x, y] = band.edges(index)[corner];
                 let start = one + x * view.centers[0];
                 for row in rows {
                     let line = [start + y * view.ys[row], x, y];

@@ -16,6 +16,7 @@ const NONE: u32 = u32::MAX;
 struct Plane<S> {
     /// Their coefficients.
     depth: Line<S>,
+    edges: [Line<S>; 3],
     /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
     range: [S; 2],
     /// More than what its edge functions are off by anywhere in the image.
@@ -69,7 +70,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> DepthInterval<S> {
-        let Plane { depth: [one, x, y], range: [least, most], error_bound, ref errors, .. } =
+        let Plane { depth: [one, x, y], range: [least, most], error_bound, .. } =
             *self.plane_of(band, face);
         let mut error_bound = error_bound;
         let depth = value_at([one, x, y], center);
@@ -79,7 +80,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         if least < -S::from_f64(f64::MAX) {
             // This face may reach out of the depth range: what its vertices' rounding does grows with the edge
             // functions, and is not bounded by what it does at the vertices.
-            let edges = &band.weights[face as usize].edges;
+            let Plane { edges, errors, .. } = self.plane_of(band, face);
             error_bound += (0..3)
                 .map(|k| {
                     let change = width * edges[k][1].abs() + edges[k][2].abs();
@@ -114,10 +115,10 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> FaceInBlock {
-        let bounds = self.plane_of(band, band_face).edge_error_bounds;
+        let Plane { edges, edge_error_bounds: bounds, .. } = self.plane_of(band, band_face);
         let width = S::from_f64(width as f64);
         let (mut covers, mut ends) = (true, false);
-        for (k, &edge) in band.weights[band_face as usize].edges.iter().enumerate() {
+        for (k, &edge) in edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
             covers &= value >= -bounds[k];
             ends |= bits >> k & 1 == 1 && value.abs() <= S::from_f64(REACH) * change;
@@ -136,13 +137,13 @@ impl<S: Scalar<Wide = S>> Plane<S> {
     ) {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);
-        let edges = &band.weights[band_face as usize].edges;
-        let depth = depth(&vertices, edges);
+        let edges = band.edges_of(band_face, &vertices);
+        let depth = depth(&vertices, &edges);
         let edge_error_bounds = band.edge_error_bounds(band_face);
         // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their bounds; in the depth
         // range z / w counts at most once.
         let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_error_bounds[k];
-        let total = total(&vertices, edges).abs();
+        let total = total(&vertices, &edges).abs();
         let mut error_bound = S::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
         // `z = d_0 w + d_x x + d_y y` holds at the vertices; what is missing of it at vertex i adds a_i / D
         // times as much to the depth. At vertex i a_i is D / w_i, and the others are 0.
@@ -164,7 +165,15 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         };
         let along_axis = each_edge(|k| is_along_axis(edges[k]));
         let errors = DepthErrors::new(&vertices, vertex_rounding, total, band.view.size);
-        planes.push(Self { depth, range, edge_error_bounds, error_bound, along_axis, errors });
+        planes.push(Self {
+            depth,
+            edges,
+            range,
+            edge_error_bounds,
+            error_bound,
+            along_axis,
+            errors,
+        });
     }
 }
 
