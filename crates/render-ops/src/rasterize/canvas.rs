@@ -35,7 +35,7 @@ pub(super) struct Band<T: Scalar> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Canvas<T: Scalar> {
-    /// Of the band's faces, where exact coverage asks for all of them.
+    /// How far the band's faces reach, which exact coverage asks of all of them.
     reaches: Vec<Reach>,
     /// Where faces are drawn.
     plane: Plane,

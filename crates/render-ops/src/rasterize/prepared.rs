@@ -84,7 +84,7 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         self.orientations[face] != 0 && beyond(p) & beyond(q) & beyond(r) == 0
     }
 
-    /// How far faces that are drawn reach: that by which they were listed.
+    /// How far faces that are drawn reach: they touch that by which they were listed.
     #[inline(always)]
     pub(super) fn find_reaches(&self, faces: &[u32], reaches: &mut Vec<Reach>) {
         reaches.clear();
@@ -93,6 +93,7 @@ impl<'a, T: Scalar> Prepared<'a, T> {
             let octet = Octet::gather(self.records, std::array::from_fn(eight));
             let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
             reaches.extend(faces.iter().enumerate().map(|(k, &face)| {
+                // The filter knows no orientation of a face with a vertex that is not tame.
                 let is_tame = boxes.orientations[k] != 0;
                 let touched = if is_tame {
                     Touched::from_box(&boxes, k)

@@ -48,7 +48,17 @@ pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) view: &'a Prepared<'v, T>,
     pub(in crate::rasterize) rows: Range<usize>,
     pub(in crate::rasterize) faces: &'a [u32],
+    /// How far each reaches.
     pub(in crate::rasterize) reaches: &'a [Reach],
+}
+
+/// What is worked out of a face once, for all pixels.
+pub(super) struct KnownFace<'a, S> {
+    /// Its edge functions around the middle of the image, positive inside.
+    pub(super) edges: &'a [Line<S>; 3],
+    /// Which edges run along rows or columns.
+    pub(super) along_axis: FaceBits,
+    pub(super) errors: &'a DepthErrors<S>,
 }
 
 /// The box of a face's pixels, or of blocks of them.
@@ -172,8 +182,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         [p.vertex, q.vertex, r.vertex]
     }
 
-    /// A face's edge functions around the middle of the image, positive inside. Most faces are far from all pixels that
-    /// ask, so they are worked out for each that does.
+    /// A face's edge functions around the middle of the image, positive inside. They are worked out anew each time: most
+    /// faces are far from all pixels that ask.
     #[inline(always)]
     pub(super) fn edges(&self, band_face: u32) -> [Line<T::Wide>; 3] {
         self.edges_of(band_face, &self.vertices(band_face))
@@ -190,21 +200,29 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         signed_edges(vertices, self.view.orientations[face])
     }
 
+    /// Whether a vertex of a face lies before the near plane, beyond the far plane, or behind the eye.
+    #[inline(always)]
+    pub(super) fn is_beyond_depths(&self, band_face: u32) -> bool {
+        let corners = || self.view.corners_of(self.faces[band_face as usize] as usize);
+        !self.reaches[band_face as usize].is_tame && corners().iter().any(Corner::is_beyond_depths)
+    }
+
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
         let vertices = self.vertices(band_face);
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        depth(&vertices, &self.edges_around(band_face, &vertices, q))
+        let edges = self.edges_of(band_face, &vertices);
+        depth(&vertices, &self.edges_around(band_face, &edges, q))
     }
 
-    /// A face around the centre of a pixel, of whose edges some run along rows or columns.
+    /// A face around the centre of a pixel.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
         bits: FaceBits,
         [x, y]: [T::Wide; 2],
-        (along_axis, errors): (FaceBits, &DepthErrors<T::Wide>),
+        KnownFace { edges, along_axis, errors }: KnownFace<'_, T::Wide>,
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
@@ -216,7 +234,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             _ => NO_FACE,
         });
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        let edges = self.edges_around(band_face, &vertices, q);
+        let edges = self.edges_around(band_face, edges, q);
         let depth = depth(&vertices, &edges);
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
         let sizes = edges.map(size);
@@ -237,17 +255,17 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
-    /// `q`.
+    /// `q`, from those around the middle of the image.
     #[inline(always)]
     fn edges_around(
         &self,
         band_face: u32,
-        vertices: &[Vertex<T::Wide>; 3],
+        edges: &[Line<T::Wide>; 3],
         q: [[T::Wide; 2]; 3],
     ) -> [Line<T::Wide>; 3] {
         let face = self.faces[band_face as usize] as usize;
         let sign = T::Wide::from_f64(f64::from(self.view.orientations[face]));
-        let mut edges = self.edges_of(band_face, vertices);
+        let mut edges = *edges;
         for (k, edge) in edges.iter_mut().enumerate() {
             // From vertices relative to the pixel: `one + x X + y Y` of the image would cancel.
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);

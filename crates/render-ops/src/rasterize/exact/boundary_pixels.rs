@@ -16,7 +16,6 @@ use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
 use crate::mesh::Neighbor;
-use crate::rasterize::corner::Corner;
 
 /// The memory of the search.
 #[derive(Debug, Default)]
@@ -72,14 +71,13 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         stripes.extend(band.stripes(stripe_shift(view.size.width)));
         planes.clear(band.faces.len());
         face_bits.clear();
-        face_bits.extend(band.faces.iter().zip(band.reaches).map(
+        face_bits.extend((0..).zip(band.faces).map(
             #[inline(always)]
-            |(&face, reach)| {
+            |(index, &face)| {
                 let outline = FaceBits::from(view.silhouettes_of(face as usize));
                 let seams = FaceBits::from(view.mesh.seams_of(face as usize));
                 let marked = outline | seams;
-                let is_beyond = !reach.is_tame
-                    && view.corners_of(face as usize).iter().any(Corner::is_beyond_depths);
+                let is_beyond = band.is_beyond_depths(index);
                 if marked == 0 {
                     return FaceBits::from(is_beyond) << BEYOND;
                 }
@@ -96,18 +94,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             },
         ));
         for (index, &bits) in (0..).zip(&*face_bits) {
-            let mut own = own_edges(bits);
-            while own != 0 {
-                let corner = own.trailing_zeros() as usize;
-                own &= own - 1;
-                // An edge of two faces is marked once, by the face that stands for it.
-                let [rows, columns] = band.reach_of_edge(index, corner);
-                let [one, x, y] = band.edges(index)[corner];
-                let start = one + x * view.centers[0];
-                for row in rows {
-                    let line = [start + y * view.ys[row], x, y];
-                    marks.mark(row - band.rows.start, near_line(line, columns.clone()));
-                }
+            // An edge of two faces is marked once, by the face that stands for it.
+            let own = own_edges(bits);
+            if own != 0 {
+                mark_edges(marks, band, index, own);
             }
             if bits >> BEYOND & 1 == 1 {
                 let [rows, columns] = band.reach(index);
@@ -144,10 +134,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         regions.mark_first(firsts);
         layers.clear();
         layers.resize(firsts.count(), 0);
-        band.for_each_face(stripes, firsts, 1, [0..rows, 0..width], |face, reach| {
+        band.for_each_face(stripes, firsts, 1, [0..rows, 0..width], |face, face_box| {
             // One too many does no harm.
             let bounds = band.edge_error_bounds(face);
-            band.for_each_block(firsts, 1, reach, |number, a| {
+            band.for_each_block(firsts, 1, face_box, |number, a| {
                 layers[number] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
             });
             true
@@ -205,6 +195,29 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         let candidate =
             |face: u32| band.candidate(face, face_bits[face as usize], center, planes.known(face));
         resolution.run(band, pixel, intervals, candidate, pieces);
+    }
+}
+
+/// Marks the pixels that the edges `own` of a face may cross.
+#[inline(always)]
+fn mark_edges<T: Scalar>(
+    marks: &mut PixelMask,
+    band: &BandFaces<'_, '_, T>,
+    index: u32,
+    own: FaceBits,
+) {
+    let (view, edges) = (band.view, band.edges(index));
+    let mut rest = own;
+    while rest != 0 {
+        let corner = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        let [rows, columns] = band.reach_of_edge(index, corner);
+        let [one, x, y] = edges[corner];
+        let start = one + x * view.centers[0];
+        for row in rows {
+            let line = [start + y * view.ys[row], x, y];
+            marks.mark(row - band.rows.start, near_line(line, columns.clone()));
+        }
     }
 }
 

@@ -50,12 +50,12 @@ impl FacesByPixel {
             block,
             [top..bottom + 1, columns],
             #[inline(always)]
-            |face, weights| {
-                let reach = weights.reach;
+            |face, face_box| {
+                let reach = face_box.reach;
                 band.for_each_block(
                     marks,
                     block,
-                    weights,
+                    face_box,
                     #[inline(always)]
                     |number, a| {
                         let reaches = |k: usize| a[k] + reach[k] >= T::Wide::ZERO;

@@ -2,7 +2,9 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, DepthErrors, FaceBits, REACH, depth, each_edge, total};
+use super::band_faces::{
+    BandFaces, DepthErrors, FaceBits, KnownFace, REACH, depth, each_edge, total,
+};
 use super::depth_intervals::{DepthInterval, FaceInBlock};
 use super::pixel_border::is_along_axis;
 use super::polygon::{Line, value_at};
@@ -16,17 +18,17 @@ const NONE: u32 = u32::MAX;
 struct Plane<S> {
     /// Their coefficients.
     depth: Line<S>,
-    edges: [Line<S>; 3],
     /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
     range: [S; 2],
-    /// More than what its edge functions are off by anywhere in the image.
-    edge_error_bounds: [S; 3],
     /// More than what its depths are off by in the face, where they are in the depth range. Unless the face
     /// may reach out of that range, the rounding of its vertices is part of it.
     error_bound: S,
+    /// Its edge functions, and more than what these are off by anywhere in the image.
+    edges: [Line<S>; 3],
+    edge_error_bounds: [S; 3],
+    errors: DepthErrors<S>,
     /// Which edges run along rows or columns.
     along_axis: FaceBits,
-    errors: DepthErrors<S>,
 }
 
 /// The planes of a band's faces. Most faces are far from all pixels that ask.
@@ -70,8 +72,14 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         center: [S; 2],
         width: usize,
     ) -> DepthInterval<S> {
-        let Plane { depth: [one, x, y], range: [least, most], error_bound, .. } =
-            *self.plane_of(band, face);
+        let Plane {
+            depth: [one, x, y],
+            range: [least, most],
+            error_bound,
+            ref edges,
+            ref errors,
+            ..
+        } = *self.plane_of(band, face);
         let mut error_bound = error_bound;
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
@@ -80,7 +88,6 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         if least < -S::from_f64(f64::MAX) {
             // This face may reach out of the depth range: what its vertices' rounding does grows with the edge
             // functions, and is not bounded by what it does at the vertices.
-            let Plane { edges, errors, .. } = self.plane_of(band, face);
             error_bound += (0..3)
                 .map(|k| {
                     let change = width * edges[k][1].abs() + edges[k][2].abs();
@@ -97,11 +104,12 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// Of a face whose plane is known: which edges run along rows or columns, and the errors of its depth.
+    /// Of a face whose plane is known.
     #[inline(always)]
-    pub(super) fn known(&self, band_face: u32) -> (FaceBits, &DepthErrors<S>) {
-        let plane = &self.planes[self.of_band_face[band_face as usize] as usize];
-        (plane.along_axis, &plane.errors)
+    pub(super) fn known(&self, band_face: u32) -> KnownFace<'_, S> {
+        let Plane { edges, along_axis, errors, .. } =
+            &self.planes[self.of_band_face[band_face as usize] as usize];
+        KnownFace { edges, along_axis: *along_axis, errors }
     }
 
     /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
@@ -135,8 +143,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
     ) {
-        let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
-        let vertices = corners.map(|corner| corner.vertex);
+        let vertices = band.vertices(band_face);
         let edges = band.edges_of(band_face, &vertices);
         let depth = depth(&vertices, &edges);
         let edge_error_bounds = band.edge_error_bounds(band_face);
@@ -154,7 +161,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
         });
         let vertex_rounding = missing.map(|missing| missing / total);
         // Within the depth range the depth of a point of the face lies between those of its vertices.
-        let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
+        let range = if band.is_beyond_depths(band_face) {
             let infinity = S::from_f64(f64::INFINITY);
             [-infinity, infinity]
         } else {
