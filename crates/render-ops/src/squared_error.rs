@@ -50,17 +50,21 @@ struct SquaredError<T: Scalar> {
 const AT_ONCE: usize = 12;
 
 /// `x - r` for the first `length` entries. What it writes after them means nothing: most runs are
-/// short, and a fixed number of entries takes less time than as many as there are.
+/// short, and one or two blocks of entries take less time than as many as there are.
 #[inline(always)]
 fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
     let mut done = 0;
-    if let (Some(differences), Some(x), Some(r)) = (
-        differences.first_chunk_mut::<AT_ONCE>(),
-        x.first_chunk::<AT_ONCE>(),
-        r.first_chunk::<AT_ONCE>(),
-    ) {
-        *differences = std::array::from_fn(|k| x[k] - r[k]);
-        done = AT_ONCE;
+    for _ in 0..2 {
+        if done < length
+            && let (Some(differences), Some(x), Some(r)) = (
+                differences[done..].first_chunk_mut::<AT_ONCE>(),
+                x[done..].first_chunk::<AT_ONCE>(),
+                r[done..].first_chunk::<AT_ONCE>(),
+            )
+        {
+            *differences = std::array::from_fn(|k| x[k] - r[k]);
+            done += AT_ONCE;
+        }
     }
     for k in done..length {
         differences[k] = x[k] - r[k];

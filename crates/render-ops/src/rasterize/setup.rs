@@ -318,7 +318,7 @@ impl<S: Scalar<Wide = S>> Weights<S> {
 
     /// The weights u and v of the first `length` of `centers`, of a row at `y`, of a plain face that
     /// covers them, into the first of `barycentrics: [n, 2]`. What it writes after them means
-    /// nothing: most runs are short, and a fixed number of pixels takes less time than as many as
+    /// nothing: most runs are short, and one or two blocks of pixels take less time than as many as
     /// there are.
     #[inline(always)]
     pub(super) fn weigh<T: Scalar<Wide = S>>(
@@ -336,11 +336,16 @@ impl<S: Scalar<Wide = S>> Weights<S> {
         };
         let barycentrics = barycentrics.as_chunks_mut::<2>().0;
         let mut done = 0;
-        if let (Some(pairs), Some(centers)) =
-            (barycentrics.first_chunk_mut::<LANES>(), centers.first_chunk::<LANES>())
-        {
-            *pairs = lanes(|lane| weights(centers[lane]));
-            done = LANES;
+        for _ in 0..2 {
+            if done < length
+                && let (Some(pairs), Some(centers)) = (
+                    barycentrics[done..].first_chunk_mut::<LANES>(),
+                    centers[done..].first_chunk::<LANES>(),
+                )
+            {
+                *pairs = lanes(|lane| weights(centers[lane]));
+                done += LANES;
+            }
         }
         for k in done..length {
             barycentrics[k] = weights(centers[k]);
