@@ -18,7 +18,7 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
 use crate::edge_functions::{LocalFace, are_even, has_even_vertices};
-use crate::face_sums::{MANY, Terms, Values, are_finite, sum_weighted};
+use crate::face_sums::{MANY, PARTS, Terms, Values, add_up, are_finite, sum_weighted};
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::scratch::Workbench;
@@ -203,9 +203,6 @@ impl<T: Scalar> Terms<T, 4> for Slopes<T::Wide> {
     }
 }
 
-/// Fragments that are summed side by side.
-const PARTS: usize = 8;
-
 /// Some rows from `first` on, those of other faces among them; zeros where there are no more.
 #[inline(always)]
 fn part<T: Scalar, const C: usize>(rows: &[[T; C]], first: usize) -> [[T; C]; PARTS] {
@@ -238,13 +235,6 @@ fn add_terms<T: Scalar>(
         sums[1][part] += v * m;
         sums[2][part] += (T::Wide::ONE - u - v) * m;
     }
-}
-
-/// The sum of what was summed in parts.
-#[inline(always)]
-fn add_up<S: Scalar>(parts: [S; PARTS]) -> S {
-    let [a, b, c, d, e, f, g, h] = parts;
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 /// The work of a walk: not as a closure, which would not be compiled for the vectors that were found.

@@ -42,10 +42,10 @@ pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
 }
 
 /// Fragments that are summed side by side, where a face has many: as many as the widest vectors hold.
-const PARTS: usize = 8;
+pub(crate) const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-pub(crate) const MANY: usize = 4 * PARTS;
+pub(crate) const MANY: usize = 2 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
 pub(crate) trait Terms<T: Scalar, const K: usize> {
@@ -114,9 +114,16 @@ fn add_many<T: Scalar, F: Terms<T, K>, const K: usize>(
     }
     for (sums, parts) in sums.iter_mut().zip(parts) {
         for (sum, parts) in sums.iter_mut().zip(parts) {
-            *sum += parts.into_iter().sum();
+            *sum += add_up(parts);
         }
     }
+}
+
+/// The sum of what was summed in parts.
+#[inline(always)]
+pub(crate) fn add_up<S: Scalar>(parts: [S; PARTS]) -> S {
+    let [a, b, c, d, e, f, g, h] = parts;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 /// The gradients of three channels, as they are.
