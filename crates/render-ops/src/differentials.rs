@@ -258,8 +258,12 @@ struct PullBack<'a, T> {
 }
 
 impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+    type Memory = ();
+
+    fn memory(&self) {}
+
     #[inline(always)]
-    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+    fn sum(&self, (): &mut (), slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Self { coverage, runs, clip, .. } = *self;
         let plane = Plane::new(coverage, clip, runs, slot);
         // Of `F_bar_jk`, and of `W_bar b_i`: times W at centres.

@@ -18,11 +18,12 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
 use crate::edge_functions::{LocalFace, are_even, has_even_vertices};
-use crate::face_sums::{MANY, PARTS, Terms, Values, add_up, are_finite, sum_weighted};
+use crate::face_sums::are_finite;
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::scratch::Workbench;
 use crate::size::Size;
+use crate::weighted_sums::{Planes, Terms};
 
 /// What the gradients of three channels at the centres of pixels lead to.
 pub(crate) struct DirectGradients<'a, T> {
@@ -46,9 +47,6 @@ pub(crate) struct FaceBars<T> {
     clip: [[T; 3]; 3],
     attributes: [[T; 3]; 3],
 }
-
-/// The sums `G_ci` of each channel c, and `M_i`.
-type Sums<S> = [[S; 3]; 4];
 
 /// `A_0 - A_2` and `A_1 - A_2`.
 type Slopes<S> = [[S; 3]; 2];
@@ -116,7 +114,7 @@ impl<T: Scalar> DirectGradients<'_, T> {
 
     /// Puts what the gradients of the face of `slot` follow from into a lane.
     #[inline(always)]
-    fn put(&self, group: &mut Group<T>, lane: usize, slot: usize) {
+    fn put(&self, planes: &mut Planes<'_, T, 3>, group: &mut Group<T>, lane: usize, slot: usize) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
         let face = centers.face(slot);
         let vertices = mesh.faces()[face].map(|vertex| self.clip[vertex as usize]);
@@ -126,28 +124,8 @@ impl<T: Scalar> DirectGradients<'_, T> {
         put(&mut group.vertices, lane, vertices.map(|[x, y, _, w]| [x, y, w]));
         put(&mut group.origins, lane, [size.center(centers.first_pixel_of(slot))]);
         put(&mut group.slopes, lane, slopes);
-        put(&mut group.sums, lane, self.sums(&slopes, centers.fragments_of(slot..slot + 1)));
-    }
-
-    /// The sums over some fragments of a face.
-    #[inline(always)]
-    fn sums(&self, slopes: &Slopes<T::Wide>, fragments: Range<usize>) -> Sums<T::Wide> {
-        let (own, s_bar) = (&self.barycentrics[fragments.clone()], &self.s_bar[fragments.clone()]);
-        // Those of attributes as they are summed alone, to the bit.
-        let uv = own.as_flattened();
-        if own.len() >= MANY {
-            return sum_weighted(slopes, uv, s_bar);
-        }
-        // Of few fragments the compiler makes vectors for three numbers, and for four it makes none.
-        let [r, g, b] = sum_weighted(&Values, uv, s_bar);
-        let mut parts = [[T::Wide::ZERO; PARTS]; 3];
-        let Range { start: mut first, end } = fragments;
-        while first < end {
-            let (uv, s_bar) = (part(self.barycentrics, first), part(self.s_bar, first));
-            add_terms(&uv, &s_bar, end - first, slopes, &mut parts);
-            first += PARTS;
-        }
-        [r, g, b, parts.map(add_up)]
+        let fragments = centers.fragments_of(slot..slot + 1);
+        put(&mut group.sums, lane, planes.sum(&slopes, fragments));
     }
 }
 
@@ -184,56 +162,13 @@ impl<T: Scalar, A: Fn(&mut [T], usize)> VertexSums<'_, '_, T, A> {
 }
 
 /// `s_bar`, and m.
-impl<T: Scalar> Terms<T, 4> for Slopes<T::Wide> {
-    type From = [T; 3];
-
+impl<S: Scalar> Terms<S, 3, 4> for Slopes<S> {
     #[inline(always)]
-    fn compute<const N: usize>(
-        &self,
-        [u, v]: [&[T::Wide; N]; 2],
-        s_bar: &[[T; 3]; N],
-    ) -> [[T::Wide; N]; 4] {
-        let [r, g, b] = Values.compute([u, v], s_bar);
-        let along = |[by_r, by_g, by_b]: [T::Wide; 3]| -> [T::Wide; N] {
-            std::array::from_fn(|part| r[part] * by_r + g[part] * by_g + b[part] * by_b)
-        };
-        let [u_bar, v_bar] = self.map(along);
-        let m = std::array::from_fn(|part| u[part] * u_bar[part] + v[part] * v_bar[part]);
-        [r, g, b, m]
-    }
-}
-
-/// Some rows from `first` on, those of other faces among them; zeros where there are no more.
-#[inline(always)]
-fn part<T: Scalar, const C: usize>(rows: &[[T; C]], first: usize) -> [[T; C]; PARTS] {
-    let rows = &rows[first..];
-    if let Some(part) = rows.first_chunk() {
-        return *part;
-    }
-    let mut part = [[T::ZERO; C]; PARTS];
-    part[..rows.len()].copy_from_slice(rows);
-    part
-}
-
-/// Adds `b_i m` of the first `count` fragments to the sums, each of which has a number for each fragment.
-#[inline(always)]
-fn add_terms<T: Scalar>(
-    uv: &[[T; 2]; PARTS],
-    s_bar: &[[T; 3]; PARTS],
-    count: usize,
-    [by_u, by_v]: &Slopes<T::Wide>,
-    sums: &mut [[T::Wide; PARTS]; 3],
-) {
-    for part in 0..PARTS {
-        let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
-        let [u, v] = uv[part].map(own);
-        let [r, g, b] = s_bar[part].map(own);
+    fn compute(&self, [u, v]: [S; 2], [r, g, b]: [S; 3]) -> [S; 4] {
+        let [by_u, by_v] = self;
         let u_bar = r * by_u[0] + g * by_u[1] + b * by_u[2];
         let v_bar = r * by_v[0] + g * by_v[1] + b * by_v[2];
-        let m = u * u_bar + v * v_bar;
-        sums[0][part] += u * m;
-        sums[1][part] += v * m;
-        sums[2][part] += (T::Wide::ONE - u - v) * m;
+        [r, g, b, u * u_bar + v * v_bar]
     }
 }
 
@@ -251,11 +186,12 @@ impl<T: Scalar, E: FnMut(usize, Option<FaceBars<T>>)> pulp::WithSimd for Walk<'_
     fn with_simd<V: pulp::Simd>(self, _: V) {
         let Self { direct, slots, mut emit } = self;
         let mut group = Group::new();
+        let mut planes = Planes::new(direct.barycentrics, direct.s_bar);
         let Range { start: mut first, end } = slots;
         while first < end {
             let count = LANES.min(end - first);
             for lane in 0..count {
-                direct.put(&mut group, lane, first + lane);
+                direct.put(&mut planes, &mut group, lane, first + lane);
             }
             group.work_out(direct.coverage.size);
             for lane in 0..count {

@@ -232,7 +232,11 @@ struct PullBack<'a, T, Q> {
 }
 
 impl<T: Scalar, Q: Quotient> FaceSums<T::Wide> for PullBack<'_, T, Q> {
-    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+    type Memory = ();
+
+    fn memory(&self) {}
+
+    fn sum(&self, (): &mut (), slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let (face, terms) = face_of::<T, Q>(self.coverage, self.clip, slot);
         let size = self.coverage.size;
         let (mut edges, mut direct) = (EdgeSums::default(), [[T::Wide::ZERO; 2]; 3]);

@@ -12,7 +12,7 @@
 //!
 //! walk, for each slot                    a face with its fragments in a band
 //!   |-- visit             what else the caller does with them, while they are in the cache
-//!   |-- FaceSums::sum     the sums over the fragments as rows, one per vertex; most by sum_weighted
+//!   |-- FaceSums::sum     the sums over the fragments as rows, one per vertex; most by `weighted_sums`
 //!   `-- emit              the face and its rows
 //! ```
 
@@ -41,118 +41,16 @@ pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
     numbers.iter().fold(true, |all, number| all & number.is_finite())
 }
 
-/// Fragments that are summed side by side, where a face has many: as many as the widest vectors hold.
-pub(crate) const PARTS: usize = 8;
-
-/// A face with fewer fragments is summed one by one.
-pub(crate) const MANY: usize = 2 * PARTS;
-
-/// What is summed over the fragments of a face, times their weights.
-pub(crate) trait Terms<T: Scalar, const K: usize> {
-    /// What there is per fragment.
-    type From: Copy;
-
-    /// `K` numbers of each of `N` fragments, from their u and v.
-    fn compute<const N: usize>(
-        &self,
-        uv: [&[T::Wide; N]; 2],
-        from: &[Self::From; N],
-    ) -> [[T::Wide; N]; K];
-}
-
-/// The sums over some fragments of a face of their weights times `K` numbers each: `sums[c][i]` of
-/// `b_i terms_c`.
-#[inline(always)]
-pub(crate) fn sum_weighted<T: Scalar, F: Terms<T, K>, const K: usize>(
-    terms: &F,
-    uv: &[T],
-    from: &[F::From],
-) -> [[T::Wide; 3]; K] {
-    let uv = uv.as_chunks::<2>().0;
-    let whole = if uv.len() >= MANY { uv.len() / PARTS * PARTS } else { 0 };
-    // Four lanes are a vector.
-    let mut sums = [[T::Wide::ZERO; 4]; K];
-    for (uv, from) in uv[whole..].iter().zip(&from[whole..]) {
-        let [u, v] = uv.map(T::widen);
-        let b = [u, v, T::Wide::ONE - u - v, T::Wide::ZERO];
-        let numbers = terms.compute([&[u], &[v]], &[*from]);
-        for (sums, [term]) in sums.iter_mut().zip(numbers) {
-            for i in 0..4 {
-                sums[i] += b[i] * term;
-            }
-        }
-    }
-    let mut sums = sums.map(|[a, b, c, _]| [a, b, c]);
-    if whole > 0 {
-        add_many(terms, &uv[..whole], &from[..whole], &mut sums);
-    }
-    sums
-}
-
-/// [`sum_weighted`] of many fragments, a multiple of [`PARTS`]: they are summed in parts.
-#[inline(always)]
-fn add_many<T: Scalar, F: Terms<T, K>, const K: usize>(
-    terms: &F,
-    uv: &[[T; 2]],
-    from: &[F::From],
-    sums: &mut [[T::Wide; 3]; K],
-) {
-    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; K];
-    for (uv, from) in uv.as_chunks::<PARTS>().0.iter().zip(from.as_chunks::<PARTS>().0) {
-        let widened =
-            |k: usize| -> [T::Wide; PARTS] { std::array::from_fn(|part| uv[part][k].widen()) };
-        let (u, v) = (widened(0), widened(1));
-        let numbers = terms.compute([&u, &v], from);
-        for part in 0..PARTS {
-            let b = [u[part], v[part], T::Wide::ONE - u[part] - v[part]];
-            for c in 0..K {
-                for i in 0..3 {
-                    parts[c][i][part] += b[i] * numbers[c][part];
-                }
-            }
-        }
-    }
-    for (sums, parts) in sums.iter_mut().zip(parts) {
-        for (sum, parts) in sums.iter_mut().zip(parts) {
-            *sum += add_up(parts);
-        }
-    }
-}
-
-/// The sum of what was summed in parts.
-#[inline(always)]
-pub(crate) fn add_up<S: Scalar>(parts: [S; PARTS]) -> S {
-    let [a, b, c, d, e, f, g, h] = parts;
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
-}
-
-/// The gradients of three channels, as they are.
-pub(crate) struct Values;
-
-impl<T: Scalar> Terms<T, 3> for Values {
-    type From = [T; 3];
-
-    #[inline(always)]
-    fn compute<const N: usize>(
-        &self,
-        _: [&[T::Wide; N]; 2],
-        bars: &[[T; 3]; N],
-    ) -> [[T::Wide; N]; 3] {
-        let mut terms = [[T::Wide::ZERO; N]; 3];
-        for part in 0..N {
-            for c in 0..3 {
-                terms[c][part] = bars[part][c].widen();
-            }
-        }
-        terms
-    }
-}
-
 /// How terms of fragments become gradients of vertices.
 pub(crate) trait FaceSums<S>: Sync {
+    /// What a walk keeps from one slot to the next.
+    type Memory;
+
+    fn memory(&self) -> Self::Memory;
+
     /// The gradients of the three vertices, `rows: [3, width]`, of the face of slot `slot` from
     /// `fragments`, some or all of that slot.
-    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [S]);
+    fn sum(&self, memory: &mut Self::Memory, slot: usize, fragments: Range<usize>, rows: &mut [S]);
 }
 
 /// Whose gradients they are.
@@ -292,14 +190,14 @@ impl Layout<'_> {
             #[inline(always)]
             || {
                 let (rows, narrow) = (wide.as_mut(), narrow.as_mut());
-                let mut rest = entries;
+                let (mut rest, mut memory) = (entries, by_face.memory());
                 for slot in slots {
                     let fragments = runs.fragments_of(slot..slot + 1);
                     let slot_entries = first_of(&mut rest, own_width * fragments.len());
                     visit(slot, fragments.clone(), slot_entries);
-                    by_face.sum(slot, fragments.clone(), rows);
+                    by_face.sum(&mut memory, slot, fragments.clone(), rows);
                     if !are_finite(rows) {
-                        add_one_by_one(slot, fragments, by_face, rows);
+                        add_one_by_one(slot, fragments, by_face, &mut memory, rows);
                     }
                     narrow.iter_mut().zip(&*rows).for_each(|(to, &row)| *to = T::narrow(row));
                     emit(runs.face(slot), narrow);
@@ -325,16 +223,17 @@ fn first_of<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 /// The gradients of a face's vertices as a sum over single fragments: what is beyond the range of
 /// the numbers is infinite then, not the difference of two infinite sums.
 #[cold]
-fn add_one_by_one<S: Scalar>(
+fn add_one_by_one<S: Scalar, F: FaceSums<S>>(
     slot: usize,
     fragments: Range<usize>,
-    by_face: &impl FaceSums<S>,
+    by_face: &F,
+    memory: &mut F::Memory,
     rows: &mut [S],
 ) {
     rows.fill(S::ZERO);
     let mut terms = vec![S::ZERO; rows.len()];
     for fragment in fragments {
-        by_face.sum(slot, fragment..fragment + 1, &mut terms);
+        by_face.sum(memory, slot, fragment..fragment + 1, &mut terms);
         rows.iter_mut().zip(&terms).for_each(|(row, &term)| add_term(row, term));
     }
 }
@@ -352,7 +251,11 @@ mod tests {
     struct Largest;
 
     impl FaceSums<f64> for Largest {
-        fn sum(&self, _: usize, fragments: Range<usize>, rows: &mut [f64]) {
+        type Memory = ();
+
+        fn memory(&self) {}
+
+        fn sum(&self, (): &mut (), _: usize, fragments: Range<usize>, rows: &mut [f64]) {
             let of = |odd: usize| fragments.clone().filter(|k| k % 2 == odd).count() as f64;
             rows.fill(of(0) * f64::MAX - of(1) * f64::MAX);
         }

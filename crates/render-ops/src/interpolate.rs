@@ -18,10 +18,11 @@ use std::ops::Range;
 use crate::attributes::Attributes;
 use crate::direct_gradients::{DirectGradients, FaceLists};
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout, Values, sum_weighted};
+use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 use crate::scratch::Workbench;
+use crate::weighted_sums::{Planes, Terms};
 
 /// Vertex attributes `[V, C]` at the fragments: `[N, C]`.
 ///
@@ -379,24 +380,46 @@ struct Shares<'a, T> {
     channels: usize,
 }
 
-impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
+impl<'a, T: Scalar> FaceSums<T::Wide> for Shares<'a, T> {
+    type Memory = Planes<'a, T, 3>;
+
+    fn memory(&self) -> Self::Memory {
+        Planes::new(self.barycentrics.as_chunks().0, self.s_bar.as_chunks().0)
+    }
+
     #[inline(always)]
-    fn sum(&self, _slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
-        let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
-        let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
+    fn sum(
+        &self,
+        planes: &mut Self::Memory,
+        _slot: usize,
+        fragments: Range<usize>,
+        rows: &mut [T::Wide],
+    ) {
         match self.channels {
             3 => {
-                let sums = sum_weighted(&Values, uv, s_bar.as_chunks::<3>().0);
+                let sums = planes.sum(&Channels, fragments);
                 for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     *row = sums.map(|sums| sums[i]);
                 }
             }
             channels => {
+                let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
+                let s_bar = &self.s_bar[fragments.start * channels..fragments.end * channels];
                 for c in 0..channels {
                     sum_shares(channels, uv, &s_bar[c..], &mut rows[c..]);
                 }
             }
         }
+    }
+}
+
+/// The gradients of three channels, as they are.
+struct Channels;
+
+impl<S: Scalar> Terms<S, 3, 3> for Channels {
+    #[inline(always)]
+    fn compute(&self, _: [S; 2], s_bar: [S; 3]) -> [S; 3] {
+        s_bar
     }
 }
 

@@ -166,8 +166,12 @@ struct Shares<'a, T> {
 }
 
 impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
+    type Memory = ();
+
+    fn memory(&self) {}
+
     #[inline(always)]
-    fn sum(&self, _slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+    fn sum(&self, (): &mut (), _slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         rows.fill(T::Wide::ZERO);
         let channels = self.channels;
         let bars = &self.bars[fragments.start * channels..fragments.end * channels];

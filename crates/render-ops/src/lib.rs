@@ -135,6 +135,7 @@ mod transform_points;
 mod vector;
 mod vertex_attributes;
 mod vertex_normals;
+mod weighted_sums;
 
 pub use antialias::{antialias, antialias_image};
 pub use assembly::{Assembly, Place};

@@ -20,8 +20,9 @@ use bokashi_core::Scalar;
 use super::corner::{ClipVertices, Corner};
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
-use crate::face_sums::{FaceSums, Terms, sum_weighted};
+use crate::face_sums::FaceSums;
 use crate::homogeneous::missing_factors;
+use crate::weighted_sums::{Planes, Terms};
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct WeightPullBack<'a, T: Scalar> {
@@ -31,13 +32,25 @@ pub(super) struct WeightPullBack<'a, T: Scalar> {
     pub(super) uv_bar: &'a [T],
 }
 
-impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
+impl<'a, T: Scalar> FaceSums<T::Wide> for WeightPullBack<'a, T> {
+    type Memory = Planes<'a, T, 2>;
+
+    fn memory(&self) -> Self::Memory {
+        Planes::new(self.uv.as_chunks().0, self.uv_bar.as_chunks().0)
+    }
+
     #[inline(always)]
-    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+    fn sum(
+        &self,
+        planes: &mut Self::Memory,
+        slot: usize,
+        fragments: Range<usize>,
+        rows: &mut [T::Wide],
+    ) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
-        let entries = 2 * fragments.start..2 * fragments.end;
+        let uv_bar = &self.uv_bar[2 * fragments.start..2 * fragments.end];
         // Of a face whose vertices have got their gradients directly: see `direct_gradients`.
-        if self.uv_bar[entries.clone()].iter().all(|&bar| bar.is_same(T::ZERO)) {
+        if uv_bar.iter().all(|&bar| bar.is_same(T::ZERO)) {
             return rows.fill(T::Wide::ZERO);
         }
         let corners = self.corners.corners_of(mesh.faces()[centers.face(slot)]);
@@ -45,8 +58,7 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
         if !has_even_vertices(&corners.map(|corner| corner.vertex), *size) {
             return self.sum_by_edges(slot, &face, fragments, rows);
         }
-        let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
-        let sums = sum_weighted(&Slopes, uv, uv_bar.as_chunks::<2>().0);
+        let sums = planes.sum(&Slopes, fragments);
         let scale = -T::Wide::ONE / face.determinant();
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let [x_bar, y_bar, w_bar] = face.pull_back_weights(&sums, i, *size);
@@ -109,20 +121,10 @@ impl<T: Scalar> WeightPullBack<'_, T> {
 /// `u_bar`, `v_bar` and `m`.
 struct Slopes;
 
-impl<T: Scalar> Terms<T, 3> for Slopes {
-    type From = [T; 2];
-
+impl<S: Scalar> Terms<S, 2, 3> for Slopes {
     #[inline(always)]
-    fn compute<const N: usize>(
-        &self,
-        [u, v]: [&[T::Wide; N]; 2],
-        bars: &[[T; 2]; N],
-    ) -> [[T::Wide; N]; 3] {
-        let widened =
-            |k: usize| -> [T::Wide; N] { std::array::from_fn(|part| bars[part][k].widen()) };
-        let (u_bar, v_bar) = (widened(0), widened(1));
-        let m = std::array::from_fn(|part| u_bar[part] * u[part] + v_bar[part] * v[part]);
-        [u_bar, v_bar, m]
+    fn compute(&self, [u, v]: [S; 2], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
+        [u_bar, v_bar, u_bar * u + v_bar * v]
     }
 }
 

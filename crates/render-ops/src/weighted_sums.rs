@@ -1,0 +1,188 @@
+//! Sums over the fragments of a face: of their weights, times numbers that they have.
+//!
+//! Fragments lie in memory one by one, and most faces have few. So the numbers of many fragments are first copied into
+//! *planes*, an array for each number. Then [`PARTS`] fragments of a face are worked on side by side, and each sum has
+//! as many parts. Fragment k of those that are summed belongs to part `k % PARTS`, wherever planes begin.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+/// Fragments that are summed side by side: as many as the widest vectors hold.
+const PARTS: usize = 8;
+
+/// So many fragments are copied at once, and stay in the first-level cache: a multiple of [`PARTS`].
+const CAPACITY: usize = 256;
+
+/// A number of each fragment. Vectors may be read across the end.
+type Plane<T> = [T; CAPACITY + PARTS];
+
+/// What is summed over the fragments of a face, times their weights: `K` numbers that follow from `C`.
+pub(crate) trait Terms<S, const C: usize, const K: usize> {
+    /// Those of a fragment, from its u and v.
+    fn compute(&self, uv: [S; 2], numbers: [S; C]) -> [S; K];
+}
+
+/// Fragments, number by number.
+pub(crate) struct Planes<'a, T, const C: usize> {
+    /// Per fragment: u and v.
+    all_uv: &'a [[T; 2]],
+    /// Per fragment: what else there is.
+    all_numbers: &'a [[T; C]],
+    /// The fragments that were copied.
+    range: Range<usize>,
+    uv: [Plane<T>; 2],
+    numbers: [Plane<T>; C],
+}
+
+impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
+    /// For fragments of `uv` and `numbers`.
+    #[inline(always)]
+    pub(crate) fn new(uv: &'a [[T; 2]], numbers: &'a [[T; C]]) -> Self {
+        let zero = [T::ZERO; CAPACITY + PARTS];
+        Self { all_uv: uv, all_numbers: numbers, range: 0..0, uv: [zero; 2], numbers: [zero; C] }
+    }
+
+    /// The sums over some fragments of a face of their weights times numbers: `sums[k][i]` of `b_i terms_k`.
+    #[inline(always)]
+    pub(crate) fn sum<F: Terms<T::Wide, C, K>, const K: usize>(
+        &mut self,
+        terms: &F,
+        fragments: Range<usize>,
+    ) -> [[T::Wide; 3]; K] {
+        let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; K];
+        let Range { mut start, end } = fragments;
+        while start < end {
+            if !(self.range.start <= start && end <= self.range.end) {
+                self.copy_from(start);
+            }
+            let here = start..end.min(self.range.end);
+            start = here.end;
+            self.add_to(&mut parts, terms, here);
+        }
+        let mut sums = [[T::Wide::ZERO; 3]; K];
+        // Not by `map`, which would be a call.
+        for (sums, parts) in sums.iter_mut().zip(&parts) {
+            *sums = [add_up(&parts[0]), add_up(&parts[1]), add_up(&parts[2])];
+        }
+        sums
+    }
+
+    /// Copies fragments from `start` on, as many as there is room for.
+    #[inline(always)]
+    fn copy_from(&mut self, start: usize) {
+        self.range = start..self.all_uv.len().min(start + CAPACITY);
+        copy(&mut self.uv, &self.all_uv[self.range.clone()]);
+        copy(&mut self.numbers, &self.all_numbers[self.range.clone()]);
+    }
+
+    /// Adds the terms of fragments that were copied.
+    #[inline(always)]
+    fn add_to<F: Terms<T::Wide, C, K>, const K: usize>(
+        &self,
+        parts: &mut [[[T::Wide; PARTS]; 3]; K],
+        terms: &F,
+        fragments: Range<usize>,
+    ) {
+        let [mut first, end] = [fragments.start, fragments.end].map(|k| k - self.range.start);
+        while first < end {
+            let count = end - first;
+            let at = |plane: &Plane<T>| -> [T; PARTS] {
+                *plane[first..].first_chunk().expect("there is room")
+            };
+            let (us, vs) = (at(&self.uv[0]), at(&self.uv[1]));
+            let mut numbers = [[T::ZERO; PARTS]; C];
+            for c in 0..C {
+                numbers[c] = at(&self.numbers[c]);
+            }
+            for part in 0..PARTS {
+                // Behind the last one are those of other faces.
+                let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
+                let (u, v) = (own(us[part]), own(vs[part]));
+                let mut own_numbers = [T::Wide::ZERO; C];
+                for c in 0..C {
+                    own_numbers[c] = own(numbers[c][part]);
+                }
+                let terms = terms.compute([u, v], own_numbers);
+                let third = T::Wide::ONE - u - v;
+                for k in 0..K {
+                    parts[k][0][part] += u * terms[k];
+                    parts[k][1][part] += v * terms[k];
+                    parts[k][2][part] += third * terms[k];
+                }
+            }
+            first += PARTS;
+        }
+    }
+}
+
+/// Copies rows into planes.
+#[inline(always)]
+fn copy<T: Scalar, const C: usize>(planes: &mut [Plane<T>; C], rows: &[[T; C]]) {
+    let planes = planes.each_mut().map(|plane| &mut plane[..rows.len()]);
+    for (k, row) in rows.iter().enumerate() {
+        for c in 0..C {
+            planes[c][k] = row[c];
+        }
+    }
+}
+
+/// The sum of all parts.
+#[inline(always)]
+fn add_up<S: Scalar>(&[a, b, c, d, e, f, g, h]: &[S; PARTS]) -> S {
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two numbers, and their product with u.
+    struct Product;
+
+    impl Terms<f64, 2, 3> for Product {
+        fn compute(&self, [u, _]: [f64; 2], [a, b]: [f64; 2]) -> [f64; 3] {
+            [a, b, u * a * b]
+        }
+    }
+
+    fn bits(sums: [[f64; 3]; 3]) -> Vec<u64> {
+        sums.as_flattened().iter().map(|sum| sum.to_bits()).collect()
+    }
+
+    #[test]
+    fn sums_are_those_of_a_face_alone_wherever_planes_begin() {
+        let count = 5 * CAPACITY + 3;
+        let number = |k: usize| (1.7 * k as f64).sin() + 0.3;
+        let uv: Vec<_> = (0..count).map(|k| [0.5 * number(k), 0.5 * number(k + 7)]).collect();
+        let numbers: Vec<_> = (0..count).map(|k| [number(k + 11), number(k + 19)]).collect();
+        let lengths = [1, 7, 8, 9, 2, 16, 40, CAPACITY - 60, 30, 2 * CAPACITY + 5, 3, CAPACITY, 1];
+        let mut planes = Planes::new(&uv, &numbers);
+        let mut start = 0;
+        for length in lengths {
+            let fragments = start..start + length;
+            let sums = planes.sum(&Product, fragments.clone());
+            // What is not a number stays with the faces that have it.
+            let (mut own_uv, mut own_numbers) =
+                (vec![[f64::NAN; 2]; count], vec![[f64::NAN; 2]; count]);
+            own_uv[fragments.clone()].copy_from_slice(&uv[fragments.clone()]);
+            own_numbers[fragments.clone()].copy_from_slice(&numbers[fragments.clone()]);
+            let alone = Planes::new(&own_uv, &own_numbers).sum(&Product, fragments.clone());
+            assert_eq!(bits(sums), bits(alone), "{fragments:?}");
+            let mut expected = [[0.0; 3]; 3];
+            for k in fragments {
+                let ([u, v], terms) = (uv[k], Product.compute(uv[k], numbers[k]));
+                for (sums, term) in expected.iter_mut().zip(terms) {
+                    for (sum, weight) in sums.iter_mut().zip([u, v, 1.0 - u - v]) {
+                        *sum += weight * term;
+                    }
+                }
+            }
+            for (sum, expected) in sums.as_flattened().iter().zip(expected.as_flattened()) {
+                approx::assert_abs_diff_eq!(*sum, *expected, epsilon = 1e-14 * length as f64);
+            }
+            start += length;
+        }
+        assert!(start <= count);
+    }
+}
