@@ -1,21 +1,27 @@
 //! Sums over the fragments of a face: of their weights, times numbers that they have.
 //!
 //! Fragments lie in memory one by one, and most faces have few. So the numbers of many fragments are first copied into
-//! *planes*, an array for each number. Then [`PARTS`] fragments of a face are worked on side by side, and each sum has
-//! as many parts. Fragment k of those that are summed belongs to part `k % PARTS`, wherever planes begin.
+//! *planes*, an array for each number. Then `N` fragments of a face are worked on side by side, and each sum has as many
+//! parts. Fragment k of those that are summed belongs to part `k % N`, wherever planes begin. Parts take time to be
+//! added up, so faces with few fragments have fewer.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-/// Fragments that are summed side by side: as many as the widest vectors hold.
-const PARTS: usize = 8;
+/// Parts of the sums of few fragments.
+const FEW_PARTS: usize = 4;
 
-/// So many fragments are copied at once, and stay in the first-level cache: a multiple of [`PARTS`].
+/// Parts of the sums of at least [`MANY`] fragments: as many as the widest vectors hold.
+const MANY_PARTS: usize = 8;
+
+const MANY: usize = 32;
+
+/// So many fragments are copied at once, and stay in the first-level cache: a multiple of all numbers of parts.
 const CAPACITY: usize = 256;
 
 /// A number of each fragment. Vectors may be read across the end.
-type Plane<T> = [T; CAPACITY + PARTS];
+type Plane<T> = [T; CAPACITY + MANY_PARTS];
 
 /// What is summed over the fragments of a face, times their weights: `K` numbers that follow from `C`.
 pub(crate) trait Terms<S, const C: usize, const K: usize> {
@@ -39,7 +45,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
     /// For fragments of `uv` and `numbers`.
     #[inline(always)]
     pub(crate) fn new(uv: &'a [[T; 2]], numbers: &'a [[T; C]]) -> Self {
-        let zero = [T::ZERO; CAPACITY + PARTS];
+        let zero = [T::ZERO; CAPACITY + MANY_PARTS];
         Self { all_uv: uv, all_numbers: numbers, range: 0..0, uv: [zero; 2], numbers: [zero; C] }
     }
 
@@ -50,7 +56,20 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         terms: &F,
         fragments: Range<usize>,
     ) -> [[T::Wide; 3]; K] {
-        let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; K];
+        if fragments.len() < MANY {
+            self.sum_in_parts::<F, K, FEW_PARTS>(terms, fragments)
+        } else {
+            self.sum_in_parts::<F, K, MANY_PARTS>(terms, fragments)
+        }
+    }
+
+    #[inline(always)]
+    fn sum_in_parts<F: Terms<T::Wide, C, K>, const K: usize, const N: usize>(
+        &mut self,
+        terms: &F,
+        fragments: Range<usize>,
+    ) -> [[T::Wide; 3]; K] {
+        let mut parts = [[[T::Wide::ZERO; N]; 3]; K];
         let Range { mut start, end } = fragments;
         while start < end {
             if !(self.range.start <= start && end <= self.range.end) {
@@ -78,24 +97,24 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
 
     /// Adds the terms of fragments that were copied.
     #[inline(always)]
-    fn add_to<F: Terms<T::Wide, C, K>, const K: usize>(
+    fn add_to<F: Terms<T::Wide, C, K>, const K: usize, const N: usize>(
         &self,
-        parts: &mut [[[T::Wide; PARTS]; 3]; K],
+        parts: &mut [[[T::Wide; N]; 3]; K],
         terms: &F,
         fragments: Range<usize>,
     ) {
         let [mut first, end] = [fragments.start, fragments.end].map(|k| k - self.range.start);
         while first < end {
             let count = end - first;
-            let at = |plane: &Plane<T>| -> [T; PARTS] {
+            let at = |plane: &Plane<T>| -> [T; N] {
                 *plane[first..].first_chunk().expect("there is room")
             };
             let (us, vs) = (at(&self.uv[0]), at(&self.uv[1]));
-            let mut numbers = [[T::ZERO; PARTS]; C];
+            let mut numbers = [[T::ZERO; N]; C];
             for c in 0..C {
                 numbers[c] = at(&self.numbers[c]);
             }
-            for part in 0..PARTS {
+            for part in 0..N {
                 // Behind the last one are those of other faces.
                 let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
                 let (u, v) = (own(us[part]), own(vs[part]));
@@ -111,7 +130,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
                     parts[k][2][part] += third * terms[k];
                 }
             }
-            first += PARTS;
+            first += N;
         }
     }
 }
@@ -127,10 +146,14 @@ fn copy<T: Scalar, const C: usize>(planes: &mut [Plane<T>; C], rows: &[[T; C]]) 
     }
 }
 
-/// The sum of all parts.
+/// The sum of all parts, as a tree.
 #[inline(always)]
-fn add_up<S: Scalar>(&[a, b, c, d, e, f, g, h]: &[S; PARTS]) -> S {
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
+fn add_up<S: Scalar, const N: usize>(parts: &[S; N]) -> S {
+    match *parts.as_slice() {
+        [a, b, c, d] => (a + c) + (b + d),
+        [a, b, c, d, e, f, g, h] => ((a + e) + (c + g)) + ((b + f) + (d + h)),
+        _ => parts.iter().copied().sum(),
+    }
 }
 
 #[cfg(test)]
