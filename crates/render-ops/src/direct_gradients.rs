@@ -48,6 +48,9 @@ pub(crate) struct FaceBars<T> {
     attributes: [[T; 3]; 3],
 }
 
+/// Per vertex i: the sums `G_ci` of each channel c, and `M_i`.
+type Sums<S> = [[S; 4]; 3];
+
 /// `A_0 - A_2` and `A_1 - A_2`.
 type Slopes<S> = [[S; 3]; 2];
 
@@ -125,7 +128,7 @@ impl<T: Scalar> DirectGradients<'_, T> {
         put(&mut group.origins, lane, [size.center(centers.first_pixel_of(slot))]);
         put(&mut group.slopes, lane, slopes);
         let fragments = centers.fragments_of(slot..slot + 1);
-        put(&mut group.sums, lane, planes.sum(&slopes, fragments));
+        group.sums_of_faces[lane] = planes.sum(&slopes, fragments);
     }
 }
 
@@ -214,7 +217,9 @@ struct Group<T: Scalar> {
     /// The centre of the face's first pixel.
     origins: [[Lanes<T::Wide>; 2]; 1],
     slopes: [[Lanes<T::Wide>; 3]; 2],
-    sums: [[Lanes<T::Wide>; 3]; 4],
+    sums: [[Lanes<T::Wide>; 4]; 3],
+    /// The same numbers, face by face: put into lanes one by one, they would not be summed in vectors.
+    sums_of_faces: [Sums<T::Wide>; LANES],
     /// The gradients of x, y and w.
     bars: [[Lanes<T>; 3]; 3],
     /// Whether the third weight has its digits.
@@ -225,14 +230,19 @@ impl<T: Scalar> Group<T> {
     fn new() -> Self {
         let (zero, wide) = ([T::ZERO; LANES], [T::Wide::ZERO; LANES]);
         let (vertices, bars) = ([[zero; 3]; 3], [[zero; 3]; 3]);
-        let (origins, slopes, sums) = ([[wide; 2]], [[wide; 3]; 2], [[wide; 3]; 4]);
-        Self { vertices, origins, slopes, sums, bars, are_even: [false; LANES] }
+        let (origins, slopes, sums) = ([[wide; 2]], [[wide; 3]; 2], [[wide; 4]; 3]);
+        let sums_of_faces = [[[T::Wide::ZERO; 4]; 3]; LANES];
+        Self { vertices, origins, slopes, sums, sums_of_faces, bars, are_even: [false; LANES] }
     }
 
     /// From the sums to the gradients of the positions.
     #[inline(always)]
     fn work_out(&mut self, size: Size) {
-        let Self { vertices, origins: [origins], slopes, sums, are_even, bars } = self;
+        let Self { vertices, origins: [origins], slopes, sums, sums_of_faces, are_even, bars } =
+            self;
+        for lane in 0..LANES {
+            put(sums, lane, sums_of_faces[lane]);
+        }
         for lane in 0..LANES {
             let vertices = vertices.each_ref().map(|[x, y, w]| {
                 Vertex::unscaled([x, y, w].map(|number| number[lane].widen()), size)
@@ -242,9 +252,9 @@ impl<T: Scalar> Group<T> {
             let scale = -T::Wide::ONE / face.determinant();
             are_even[lane] = has_even_vertices(&vertices, size);
             for i in 0..3 {
-                let m = sums[3][i][lane];
+                let m = sums[i][3][lane];
                 let along = |k: usize| {
-                    let by: [T::Wide; 3] = [0, 1, 2].map(|c| sums[c][i][lane] * slopes[k][c][lane]);
+                    let by: [T::Wide; 3] = [0, 1, 2].map(|c| sums[i][c][lane] * slopes[k][c][lane]);
                     by[0] + by[1] + by[2] - m
                 };
                 let of_vertex = face.along_edges([along(0), along(1), -m], size);
@@ -259,7 +269,7 @@ impl<T: Scalar> Group<T> {
     #[inline(always)]
     fn bars(&self, lane: usize) -> Option<FaceBars<T>> {
         let clip = self.bars.each_ref().map(|row| row.each_ref().map(|bar| bar[lane]));
-        let attributes = [0, 1, 2].map(|i| [0, 1, 2].map(|c| T::narrow(self.sums[c][i][lane])));
+        let attributes = self.sums_of_faces[lane].map(|[r, g, b, _]| [r, g, b].map(T::narrow));
         let is_plain = self.are_even[lane]
             & are_finite(clip.as_flattened())
             & are_finite(attributes.as_flattened());

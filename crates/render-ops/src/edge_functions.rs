@@ -126,12 +126,11 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         self.coefficients.map(|[one, x, by_y]| [one + by_y * y, x])
     }
 
-    /// `sum_j (b_i (b_bar_j - m)) E_j` for the weight `b_i`, from the sums of `b_i u_bar`, `b_i
+    /// `sum_j (b_i (b_bar_j - m)) E_j` for the weight `b_i`, from its sums of `b_i u_bar`, `b_i
     /// v_bar` and `b_i m`: -D times the gradients with respect to (x, y, w) of vertex i in clip
     /// space.
     #[inline(always)]
-    pub(crate) fn pull_back_weights(&self, sums: &[[S; 3]; 3], i: usize, size: Size) -> [S; 3] {
-        let [u, v, m] = [sums[0][i], sums[1][i], sums[2][i]];
+    pub(crate) fn pull_back_weights(&self, [u, v, m]: [S; 3], size: Size) -> [S; 3] {
         self.along_edges([u - m, v - m, -m], size)
     }
 

@@ -398,9 +398,7 @@ impl<'a, T: Scalar> FaceSums<T::Wide> for Shares<'a, T> {
         match self.channels {
             3 => {
                 let sums = planes.sum(&Channels, fragments);
-                for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                    *row = sums.map(|sums| sums[i]);
-                }
+                rows.copy_from_slice(sums.as_flattened());
             }
             channels => {
                 let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];

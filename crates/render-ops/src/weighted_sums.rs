@@ -49,13 +49,13 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         Self { all_uv: uv, all_numbers: numbers, range: 0..0, uv: [zero; 2], numbers: [zero; C] }
     }
 
-    /// The sums over some fragments of a face of their weights times numbers: `sums[k][i]` of `b_i terms_k`.
+    /// The sums over some fragments of a face of their weights times numbers: `sums[i][k]` of `b_i terms_k`.
     #[inline(always)]
     pub(crate) fn sum<F: Terms<T::Wide, C, K>, const K: usize>(
         &mut self,
         terms: &F,
         fragments: Range<usize>,
-    ) -> [[T::Wide; 3]; K] {
+    ) -> [[T::Wide; K]; 3] {
         if fragments.len() < MANY {
             self.sum_in_parts::<F, K, FEW_PARTS>(terms, fragments)
         } else {
@@ -68,8 +68,8 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         &mut self,
         terms: &F,
         fragments: Range<usize>,
-    ) -> [[T::Wide; 3]; K] {
-        let mut parts = [[[T::Wide::ZERO; N]; 3]; K];
+    ) -> [[T::Wide; K]; 3] {
+        let mut parts = [[[T::Wide::ZERO; N]; K]; 3];
         let Range { mut start, end } = fragments;
         while start < end {
             if !(self.range.start <= start && end <= self.range.end) {
@@ -79,10 +79,12 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
             start = here.end;
             self.add_to(&mut parts, terms, here);
         }
-        let mut sums = [[T::Wide::ZERO; 3]; K];
+        let mut sums = [[T::Wide::ZERO; K]; 3];
         // Not by `map`, which would be a call.
-        for (sums, parts) in sums.iter_mut().zip(&parts) {
-            *sums = [add_up(&parts[0]), add_up(&parts[1]), add_up(&parts[2])];
+        for i in 0..3 {
+            for k in 0..K {
+                sums[i][k] = add_up(&parts[i][k]);
+            }
         }
         sums
     }
@@ -99,7 +101,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
     #[inline(always)]
     fn add_to<F: Terms<T::Wide, C, K>, const K: usize, const N: usize>(
         &self,
-        parts: &mut [[[T::Wide; N]; 3]; K],
+        parts: &mut [[[T::Wide; N]; K]; 3],
         terms: &F,
         fragments: Range<usize>,
     ) {
@@ -125,9 +127,9 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
                 let terms = terms.compute([u, v], own_numbers);
                 let third = T::Wide::ONE - u - v;
                 for k in 0..K {
-                    parts[k][0][part] += u * terms[k];
-                    parts[k][1][part] += v * terms[k];
-                    parts[k][2][part] += third * terms[k];
+                    parts[0][k][part] += u * terms[k];
+                    parts[1][k][part] += v * terms[k];
+                    parts[2][k][part] += third * terms[k];
                 }
             }
             first += N;
@@ -195,8 +197,8 @@ mod tests {
             let mut expected = [[0.0; 3]; 3];
             for k in fragments {
                 let ([u, v], terms) = (uv[k], Product.compute(uv[k], numbers[k]));
-                for (sums, term) in expected.iter_mut().zip(terms) {
-                    for (sum, weight) in sums.iter_mut().zip([u, v, 1.0 - u - v]) {
+                for (sums, weight) in expected.iter_mut().zip([u, v, 1.0 - u - v]) {
+                    for (sum, term) in sums.iter_mut().zip(terms) {
                         *sum += weight * term;
                     }
                 }

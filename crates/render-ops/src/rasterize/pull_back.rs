@@ -60,8 +60,8 @@ impl<'a, T: Scalar> FaceSums<T::Wide> for WeightPullBack<'a, T> {
         }
         let sums = planes.sum(&Slopes, fragments);
         let scale = -T::Wide::ONE / face.determinant();
-        for (i, row) in rows.chunks_exact_mut(4).enumerate() {
-            let [x_bar, y_bar, w_bar] = face.pull_back_weights(&sums, i, *size);
+        for (row, sums) in rows.chunks_exact_mut(4).zip(sums) {
+            let [x_bar, y_bar, w_bar] = face.pull_back_weights(sums, *size);
             row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar].map(|bar| scale * bar));
         }
     }
