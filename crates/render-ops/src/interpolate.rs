@@ -12,15 +12,20 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020.
 
-use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use std::ops::Range;
+
+use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use pulp::{Simd, WithSimd};
 
 use crate::attributes::Attributes;
 use crate::direct_gradients::{DirectGradients, FaceLists};
+use crate::dispatch::dispatch;
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
+use crate::planes::{CAPACITY, LANES, Plane, join, lanes, split, zeros};
+use crate::runs::Runs;
 use crate::scratch::Workbench;
 use crate::weighted_sums::{Planes, Terms};
 
@@ -119,6 +124,11 @@ impl<T: Scalar> Op<T> for Interpolate {
         let channels = self.shown.channels("interpolate", inputs.shape(0))?;
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
         let values = outputs.try_push("interpolate", [self.shown.coverage.count(), channels])?;
+        if channels == 3 {
+            let (attributes, uv) = (attributes.as_chunks().0, barycentrics.as_chunks().0);
+            self.interpolate_three(attributes, uv, values.as_chunks_mut().0);
+            return Ok(());
+        }
         self.shown.for_each_face_mut(
             attributes,
             values,
@@ -126,7 +136,10 @@ impl<T: Scalar> Op<T> for Interpolate {
             #[inline(always)]
             |fragments, corners, values| {
                 let uv = &barycentrics[2 * fragments.start..2 * fragments.end];
-                interpolate_face(corners, uv, values);
+                for c in 0..channels {
+                    let corners = corners.map(|corner| &corner[c..]);
+                    interpolate_one(corners, channels, uv, &mut values[c..]);
+                }
             },
         );
         Ok(())
@@ -204,6 +217,33 @@ impl<T: Scalar> Op<T> for Interpolate {
 }
 
 impl Interpolate {
+    /// The values of three channels.
+    fn interpolate_three<T: Scalar>(
+        &self,
+        attributes: &[[T; 3]],
+        uv: &[[T; 2]],
+        values: &mut [[T; 3]],
+    ) {
+        let mut rest = values;
+        for (runs, before) in self.shown.coverage.kinds() {
+            let (values, others) = rest.split_at_mut(runs.count);
+            rest = others;
+            runs.for_each_band_mut(1, values, |slots, first, values| {
+                let uv = &uv[before + first..][..values.len()];
+                let indices = &self.shown.indices;
+                dispatch::<T, _>(ThreeChannels {
+                    runs,
+                    slots,
+                    first,
+                    indices,
+                    attributes,
+                    uv,
+                    values,
+                });
+            });
+        }
+    }
+
     /// What three channels lead to.
     fn direct<'a, T: Scalar>(&'a self, kept: &'a Kept<'_, T>) -> DirectGradients<'a, T> {
         DirectGradients {
@@ -276,20 +316,6 @@ impl Interpolate {
     }
 }
 
-/// The values of a face's fragments.
-#[inline(always)]
-fn interpolate_face<T: Scalar>(corners: [&[T]; 3], uv: &[T], values: &mut [T]) {
-    match corners[0].len() {
-        3 => interpolate_three(corners, uv, values),
-        channels => {
-            for c in 0..channels {
-                let corners = corners.map(|corner| &corner[c..]);
-                interpolate_one(corners, channels, uv, &mut values[c..]);
-            }
-        }
-    }
-}
-
 /// Adds the gradients of u and v of a face's fragments; where they are fresh, writes them.
 #[inline(always)]
 fn pull_back_face<T: Scalar>(corners: [&[T]; 3], s_bar: &[T], uv_bar: &mut [T], is_fresh: bool) {
@@ -314,38 +340,89 @@ fn interpolate_one<T: Scalar>(corners: [&[T]; 3], stride: usize, uv: &[T], value
     }
 }
 
-/// Interpolates three channels.
-#[inline(always)]
-fn interpolate_three<T: Scalar>(corners: [&[T]; 3], uv: &[T], values: &mut [T]) {
-    let [a0, a1, a2] = corners.map(|corner| first_of::<T, 3>(corner));
-    let (uv, values) = (uv.as_chunks::<2>().0, values.as_chunks_mut::<3>().0);
-    let whole = uv.len() / MANY * MANY;
-    for (s, uv) in values[..whole].iter_mut().zip(&uv[..whole]) {
-        for c in 0..3 {
-            s[c] = a2[c] + uv[0] * (a0[c] - a2[c]) + uv[1] * (a1[c] - a2[c]);
+/// The work of interpolating three channels of a band's fragments.
+struct ThreeChannels<'a, T> {
+    runs: &'a Runs,
+    slots: Range<usize>,
+    /// The first fragment.
+    first: usize,
+    indices: &'a Mesh,
+    attributes: &'a [[T; 3]],
+    uv: &'a [[T; 2]],
+    values: &'a mut [[T; 3]],
+}
+
+impl<T: Scalar> WithSimd for ThreeChannels<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { runs, slots, first, indices, attributes, uv, values } = self;
+        let (mut uv_planes, mut value_planes) = (zeros(), zeros());
+        // The fragments whose u and v are in planes, and the end of those whose values are.
+        let (mut range, mut done) = (0..0, 0);
+        for slot in slots {
+            let corners = indices.faces()[runs.face(slot)].map(|index| attributes[index as usize]);
+            let fragments = runs.fragments_of(slot..slot + 1);
+            let [start, end] = [fragments.start - first, fragments.end - first];
+            if end - start >= MANY {
+                join(&value_planes, &mut values[range.start..done]);
+                (range, done) = (end..end, end);
+                interpolate_rows(&corners, &uv[start..end], &mut values[start..end]);
+            }
+            while done < end {
+                if done == range.end {
+                    join(&value_planes, &mut values[range]);
+                    range = done..values.len().min(done + CAPACITY);
+                    split(&mut uv_planes, &uv[range.clone()]);
+                }
+                let here = done - range.start..end.min(range.end) - range.start;
+                done = range.start + here.end;
+                interpolate_planes(&corners, &uv_planes, &mut value_planes, here);
+            }
         }
-    }
-    // Most faces have few fragments. Four numbers are a vector: of each fragment but the last, the first number of the
-    // next one is written, too, and then written over.
-    let [a0, a1, a2] = [a0, a1, a2].map(|[r, g, b]| [r, g, b, b]);
-    let row = |&[u, v]: &[T; 2]| -> [T; 4] {
-        std::array::from_fn(|c| a2[c] + u * (a0[c] - a2[c]) + v * (a1[c] - a2[c]))
-    };
-    let Some((last, uv)) = uv[whole..].split_last() else { return };
-    let mut rest = values[whole..].as_flattened_mut();
-    for uv in uv {
-        let Some(s) = rest.first_chunk_mut() else { return };
-        *s = row(uv);
-        rest = &mut rest[3..];
-    }
-    let [r, g, b, _] = row(last);
-    if let Some(s) = rest.first_chunk_mut() {
-        *s = [r, g, b];
+        join(&value_planes, &mut values[range.start..done]);
     }
 }
 
-/// Fragments of which the compiler makes wide vectors.
-const MANY: usize = 16;
+/// A face with so many fragments needs no planes.
+const MANY: usize = 32;
+
+/// Interpolates all fragments.
+#[inline(always)]
+fn interpolate_rows<T: Scalar>(corners: &[[T; 3]; 3], uv: &[[T; 2]], values: &mut [[T; 3]]) {
+    for (value, uv) in values.iter_mut().zip(uv) {
+        for c in 0..3 {
+            value[c] = interpolate_at(corners, c, *uv);
+        }
+    }
+}
+
+/// Interpolates some fragments, and numbers behind them, which are written over.
+#[inline(always)]
+fn interpolate_planes<T: Scalar>(
+    corners: &[[T; 3]; 3],
+    [us, vs]: &[Plane<T>; 2],
+    values: &mut [Plane<T>; 3],
+    fragments: Range<usize>,
+) {
+    for first in fragments.step_by(LANES) {
+        let (us, vs): ([T; LANES], [T; LANES]) = (lanes(us, first), lanes(vs, first));
+        for c in 0..3 {
+            let values: &mut [T; LANES] =
+                values[c][first..].first_chunk_mut().expect("there is room");
+            for k in 0..LANES {
+                values[k] = interpolate_at(corners, c, [us[k], vs[k]]);
+            }
+        }
+    }
+}
+
+/// Channel c.
+#[inline(always)]
+fn interpolate_at<T: Scalar>([a0, a1, a2]: &[[T; 3]; 3], c: usize, [u, v]: [T; 2]) -> T {
+    a2[c] + u * (a0[c] - a2[c]) + v * (a1[c] - a2[c])
+}
 
 /// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`; where
 /// they are fresh, writes them.

@@ -103,6 +103,7 @@ mod perturbed_normals;
 mod picture;
 mod picture_rows;
 mod pixel_loss;
+mod planes;
 mod point_map;
 // Unit tests compile what they call.
 #[cfg(all(feature = "precompiled", not(test)))]

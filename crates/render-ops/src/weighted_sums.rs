@@ -1,27 +1,20 @@
 //! Sums over the fragments of a face: of their weights, times numbers that they have.
 //!
-//! Fragments lie in memory one by one, and most faces have few. So the numbers of many fragments are first copied into
-//! *planes*, an array for each number. Then `N` fragments of a face are worked on side by side, and each sum has as many
-//! parts. Fragment k of those that are summed belongs to part `k % N`, wherever planes begin. Parts take time to be
-//! added up, so faces with few fragments have fewer.
+//! `N` fragments of a face are worked on side by side, and each sum has as many parts. Fragment k of those that are
+//! summed belongs to part `k % N`, wherever planes begin. Parts take time to be added up, so faces with few fragments
+//! have fewer.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use crate::planes::{CAPACITY, LANES, Plane, lanes, split, zeros};
+
 /// Parts of the sums of few fragments.
 const FEW_PARTS: usize = 4;
 
-/// Parts of the sums of at least [`MANY`] fragments: as many as the widest vectors hold.
-const MANY_PARTS: usize = 8;
-
+/// From so many fragments on there are [`LANES`] parts.
 const MANY: usize = 32;
-
-/// So many fragments are copied at once, and stay in the first-level cache: a multiple of all numbers of parts.
-const CAPACITY: usize = 256;
-
-/// A number of each fragment. Vectors may be read across the end.
-type Plane<T> = [T; CAPACITY + MANY_PARTS];
 
 /// What is summed over the fragments of a face, times their weights: `K` numbers that follow from `C`.
 pub(crate) trait Terms<S, const C: usize, const K: usize> {
@@ -45,8 +38,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
     /// For fragments of `uv` and `numbers`.
     #[inline(always)]
     pub(crate) fn new(uv: &'a [[T; 2]], numbers: &'a [[T; C]]) -> Self {
-        let zero = [T::ZERO; CAPACITY + MANY_PARTS];
-        Self { all_uv: uv, all_numbers: numbers, range: 0..0, uv: [zero; 2], numbers: [zero; C] }
+        Self { all_uv: uv, all_numbers: numbers, range: 0..0, uv: zeros(), numbers: zeros() }
     }
 
     /// The sums over some fragments of a face of their weights times numbers: `sums[i][k]` of `b_i terms_k`.
@@ -59,7 +51,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         if fragments.len() < MANY {
             self.sum_in_parts::<F, K, FEW_PARTS>(terms, fragments)
         } else {
-            self.sum_in_parts::<F, K, MANY_PARTS>(terms, fragments)
+            self.sum_in_parts::<F, K, LANES>(terms, fragments)
         }
     }
 
@@ -93,8 +85,8 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
     #[inline(always)]
     fn copy_from(&mut self, start: usize) {
         self.range = start..self.all_uv.len().min(start + CAPACITY);
-        copy(&mut self.uv, &self.all_uv[self.range.clone()]);
-        copy(&mut self.numbers, &self.all_numbers[self.range.clone()]);
+        split(&mut self.uv, &self.all_uv[self.range.clone()]);
+        split(&mut self.numbers, &self.all_numbers[self.range.clone()]);
     }
 
     /// Adds the terms of fragments that were copied.
@@ -108,13 +100,10 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         let [mut first, end] = [fragments.start, fragments.end].map(|k| k - self.range.start);
         while first < end {
             let count = end - first;
-            let at = |plane: &Plane<T>| -> [T; N] {
-                *plane[first..].first_chunk().expect("there is room")
-            };
-            let (us, vs) = (at(&self.uv[0]), at(&self.uv[1]));
+            let (us, vs): ([T; N], [T; N]) = (lanes(&self.uv[0], first), lanes(&self.uv[1], first));
             let mut numbers = [[T::ZERO; N]; C];
             for c in 0..C {
-                numbers[c] = at(&self.numbers[c]);
+                numbers[c] = lanes(&self.numbers[c], first);
             }
             for part in 0..N {
                 // Behind the last one are those of other faces.
@@ -133,17 +122,6 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
                 }
             }
             first += N;
-        }
-    }
-}
-
-/// Copies rows into planes.
-#[inline(always)]
-fn copy<T: Scalar, const C: usize>(planes: &mut [Plane<T>; C], rows: &[[T; C]]) {
-    let planes = planes.each_mut().map(|plane| &mut plane[..rows.len()]);
-    for (k, row) in rows.iter().enumerate() {
-        for c in 0..C {
-            planes[c][k] = row[c];
         }
     }
 }
