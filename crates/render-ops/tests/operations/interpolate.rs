@@ -158,6 +158,39 @@ fn an_index_buffer_of_its_own_gives_faces_their_own_attributes() {
     approx::assert_relative_eq!(found.data()[1], count(0), max_relative = 1e-6);
 }
 
+#[test]
+fn three_channels_are_each_of_them_alone_for_small_faces_beside_large_ones() {
+    // Two large faces, and before them small ones of a few pixels to some dozens.
+    let mut corners = vec![[-2.0, -1.0, 0.5], [2.0, -1.0, 0.5], [-2.0, 3.0, 0.5], [2.0, 3.0, 0.5]];
+    let mut faces = vec![[0, 1, 2], [1, 3, 2]];
+    for k in 0..900_u32 {
+        let (x, y) = (-0.97 + 0.0645 * f64::from(k % 30), -0.97 + 0.0645 * f64::from(k / 30));
+        let side = 0.02 + 0.05 * (2.4 * f64::from(k)).sin().powi(2);
+        faces.push([0, 1, 2].map(|corner| 4 + 3 * k + corner));
+        corners.extend([[x, y, 0.0], [x + side, y, 0.0], [x, y + side, 0.0]]);
+    }
+    let count = corners.len();
+    let mesh = Mesh::new(faces, count).unwrap();
+    let clip = Tensor::from_flat_fn([count, 4], |k| match k % 4 {
+        3 => 1.0_f32,
+        axis => corners[k / 4][axis] as f32,
+    });
+    let colors = numbers::<f32>(count, 3);
+    for sampling in [Sampling::Center, Sampling::Exact] {
+        let tape = Tape::new();
+        let options = RasterOptions::new(Size { width: 300, height: 200 }).sampling(sampling);
+        let fragments = rasterize(tape.leaf(&clip), &mesh, options.creases(&[])).unwrap();
+        let values = interpolate(tape.leaf(&colors), &fragments).unwrap().value();
+        assert!(fragments.coverage.count() >= 60_000);
+        for channel in 0..3 {
+            let alone = Tensor::from_flat_fn([count, 1], |k| colors.data()[3 * k + channel]);
+            let alone = interpolate(tape.leaf(&alone), &fragments).unwrap().value();
+            let of_three = values.data().iter().skip(channel).step_by(3);
+            assert!(of_three.map(|x| x.to_bits()).eq(alone.data().iter().map(|x| x.to_bits())));
+        }
+    }
+}
+
 /// Vertices before the eye, near it and behind it, and faces of them.
 #[derive(Debug)]
 struct Drawn {
