@@ -23,7 +23,7 @@ use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::scratch::Workbench;
 use crate::size::Size;
-use crate::weighted_sums::{Planes, Terms};
+use crate::weighted_sums::{FragmentPlanes, Terms};
 
 /// What the gradients of three channels at the centres of pixels lead to.
 pub(crate) struct DirectGradients<'a, T> {
@@ -117,7 +117,13 @@ impl<T: Scalar> DirectGradients<'_, T> {
 
     /// Puts what the gradients of the face of `slot` follow from into a lane.
     #[inline(always)]
-    fn put(&self, planes: &mut Planes<'_, T, 3>, group: &mut Group<T>, lane: usize, slot: usize) {
+    fn put(
+        &self,
+        planes: &mut FragmentPlanes<'_, T, 3>,
+        group: &mut Group<T>,
+        lane: usize,
+        slot: usize,
+    ) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
         let face = centers.face(slot);
         let vertices = mesh.faces()[face].map(|vertex| self.clip[vertex as usize]);
@@ -189,7 +195,7 @@ impl<T: Scalar, E: FnMut(usize, Option<FaceBars<T>>)> pulp::WithSimd for Walk<'_
     fn with_simd<V: pulp::Simd>(self, _: V) {
         let Self { direct, slots, mut emit } = self;
         let mut group = Group::new();
-        let mut planes = Planes::new(direct.barycentrics, direct.s_bar);
+        let mut planes = FragmentPlanes::new(direct.barycentrics, direct.s_bar);
         let Range { start: mut first, end } = slots;
         while first < end {
             let count = LANES.min(end - first);

@@ -46,6 +46,7 @@ pub(crate) trait FaceSums<S>: Sync {
     /// What a walk keeps from one slot to the next.
     type Memory;
 
+    /// The memory of a new walk.
     fn memory(&self) -> Self::Memory;
 
     /// The gradients of the three vertices, `rows: [3, width]`, of the face of slot `slot` from

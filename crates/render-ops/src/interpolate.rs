@@ -24,10 +24,10 @@ use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
-use crate::planes::{CAPACITY, LANES, Plane, join, lanes, split, zeros};
+use crate::planes::{CAPACITY, LANES, Plane, join, load, split, zeros};
 use crate::runs::Runs;
 use crate::scratch::Workbench;
-use crate::weighted_sums::{Planes, Terms};
+use crate::weighted_sums::{FragmentPlanes, Terms};
 
 /// Vertex attributes `[V, C]` at the fragments: `[N, C]`.
 ///
@@ -336,7 +336,7 @@ fn pull_back_face<T: Scalar>(corners: [&[T]; 3], s_bar: &[T], uv_bar: &mut [T], 
 fn interpolate_one<T: Scalar>(corners: [&[T]; 3], stride: usize, uv: &[T], values: &mut [T]) {
     let [a0, a1, a2] = corners.map(|corner| corner[0]);
     for (s, uv) in values.chunks_mut(stride).zip(uv.as_chunks::<2>().0) {
-        s[0] = a2 + uv[0] * (a0 - a2) + uv[1] * (a1 - a2);
+        s[0] = interpolate_at([a0, a1, a2], *uv);
     }
 }
 
@@ -359,13 +359,13 @@ impl<T: Scalar> WithSimd for ThreeChannels<'_, T> {
     fn with_simd<V: Simd>(self, _: V) {
         let Self { runs, slots, first, indices, attributes, uv, values } = self;
         let (mut uv_planes, mut value_planes) = (zeros(), zeros());
-        // The fragments whose u and v are in planes, and the end of those whose values are.
+        // The fragments whose u and v are in planes, and the end of those that are interpolated.
         let (mut range, mut done) = (0..0, 0);
         for slot in slots {
             let corners = indices.faces()[runs.face(slot)].map(|index| attributes[index as usize]);
             let fragments = runs.fragments_of(slot..slot + 1);
             let [start, end] = [fragments.start - first, fragments.end - first];
-            if end - start >= MANY {
+            if end - start >= MANY && end > range.end {
                 join(&value_planes, &mut values[range.start..done]);
                 (range, done) = (end..end, end);
                 interpolate_rows(&corners, &uv[start..end], &mut values[start..end]);
@@ -385,43 +385,43 @@ impl<T: Scalar> WithSimd for ThreeChannels<'_, T> {
     }
 }
 
-/// A face with so many fragments needs no planes.
+/// A face with so many fragments needs no planes, unless they hold it.
 const MANY: usize = 32;
 
 /// Interpolates all fragments.
 #[inline(always)]
-fn interpolate_rows<T: Scalar>(corners: &[[T; 3]; 3], uv: &[[T; 2]], values: &mut [[T; 3]]) {
+fn interpolate_rows<T: Scalar>([a0, a1, a2]: &[[T; 3]; 3], uv: &[[T; 2]], values: &mut [[T; 3]]) {
     for (value, uv) in values.iter_mut().zip(uv) {
         for c in 0..3 {
-            value[c] = interpolate_at(corners, c, *uv);
+            value[c] = interpolate_at([a0[c], a1[c], a2[c]], *uv);
         }
     }
 }
 
-/// Interpolates some fragments, and numbers behind them, which are written over.
+/// Interpolates some fragments, and numbers behind them, which are written over or never read.
 #[inline(always)]
 fn interpolate_planes<T: Scalar>(
-    corners: &[[T; 3]; 3],
+    [a0, a1, a2]: &[[T; 3]; 3],
     [us, vs]: &[Plane<T>; 2],
     values: &mut [Plane<T>; 3],
     fragments: Range<usize>,
 ) {
     for first in fragments.step_by(LANES) {
-        let (us, vs): ([T; LANES], [T; LANES]) = (lanes(us, first), lanes(vs, first));
+        let (us, vs): ([T; LANES], [T; LANES]) = (load(us, first), load(vs, first));
         for c in 0..3 {
             let values: &mut [T; LANES] =
                 values[c][first..].first_chunk_mut().expect("there is room");
             for k in 0..LANES {
-                values[k] = interpolate_at(corners, c, [us[k], vs[k]]);
+                values[k] = interpolate_at([a0[c], a1[c], a2[c]], [us[k], vs[k]]);
             }
         }
     }
 }
 
-/// Channel c.
+/// A channel, from those of the vertices.
 #[inline(always)]
-fn interpolate_at<T: Scalar>([a0, a1, a2]: &[[T; 3]; 3], c: usize, [u, v]: [T; 2]) -> T {
-    a2[c] + u * (a0[c] - a2[c]) + v * (a1[c] - a2[c])
+fn interpolate_at<T: Scalar>([a0, a1, a2]: [T; 3], [u, v]: [T; 2]) -> T {
+    a2 + u * (a0 - a2) + v * (a1 - a2)
 }
 
 /// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`; where
@@ -458,10 +458,12 @@ struct Shares<'a, T> {
 }
 
 impl<'a, T: Scalar> FaceSums<T::Wide> for Shares<'a, T> {
-    type Memory = Planes<'a, T, 3>;
+    /// Of three channels.
+    type Memory = Option<FragmentPlanes<'a, T, 3>>;
 
     fn memory(&self) -> Self::Memory {
-        Planes::new(self.barycentrics.as_chunks().0, self.s_bar.as_chunks().0)
+        let (uv, s_bar) = (self.barycentrics.as_chunks().0, self.s_bar.as_chunks().0);
+        (self.channels == 3).then(|| FragmentPlanes::new(uv, s_bar))
     }
 
     #[inline(always)]
@@ -472,12 +474,13 @@ impl<'a, T: Scalar> FaceSums<T::Wide> for Shares<'a, T> {
         fragments: Range<usize>,
         rows: &mut [T::Wide],
     ) {
-        match self.channels {
-            3 => {
+        match planes {
+            Some(planes) => {
                 let sums = planes.sum(&Channels, fragments);
                 rows.copy_from_slice(sums.as_flattened());
             }
-            channels => {
+            None => {
+                let channels = self.channels;
                 let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
                 let s_bar = &self.s_bar[fragments.start * channels..fragments.end * channels];
                 for c in 0..channels {

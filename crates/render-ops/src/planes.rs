@@ -8,8 +8,10 @@ use bokashi_core::Scalar;
 /// So many fragments are copied at once, and stay in the first-level cache: a multiple of [`LANES`].
 pub(crate) const CAPACITY: usize = 256;
 
-/// Fragments that are worked on side by side: as many as the widest vectors hold.
+/// Fragments that are worked on side by side: as many as the widest vectors hold wide numbers.
 pub(crate) const LANES: usize = 8;
+
+const _: () = assert!(CAPACITY.is_multiple_of(LANES));
 
 /// A number of each fragment. Vectors may reach across the end.
 pub(crate) type Plane<T> = [T; CAPACITY + LANES];
@@ -40,8 +42,8 @@ pub(crate) fn join<T: Scalar, const C: usize>(planes: &[Plane<T>; C], rows: &mut
     }
 }
 
-/// The numbers from `first` on.
+/// Reads some numbers, from `first` on.
 #[inline(always)]
-pub(crate) fn lanes<T: Scalar, const N: usize>(plane: &Plane<T>, first: usize) -> [T; N] {
+pub(crate) fn load<T: Scalar, const N: usize>(plane: &Plane<T>, first: usize) -> [T; N] {
     *plane[first..].first_chunk().expect("there is room")
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use crate::planes::{CAPACITY, LANES, Plane, lanes, split, zeros};
+use crate::planes::{CAPACITY, LANES, Plane, load, split, zeros};
 
 /// Parts of the sums of few fragments.
 const FEW_PARTS: usize = 4;
@@ -16,14 +16,14 @@ const FEW_PARTS: usize = 4;
 /// From so many fragments on there are [`LANES`] parts.
 const MANY: usize = 32;
 
-/// What is summed over the fragments of a face, times their weights: `K` numbers that follow from `C`.
+/// What is summed over the fragments of a face, times their weights: `K` numbers that follow from u, v and `C` others.
 pub(crate) trait Terms<S, const C: usize, const K: usize> {
-    /// Those of a fragment, from its u and v.
+    /// Those of a fragment. They are zero where u, v and all numbers are.
     fn compute(&self, uv: [S; 2], numbers: [S; C]) -> [S; K];
 }
 
 /// Fragments, number by number.
-pub(crate) struct Planes<'a, T, const C: usize> {
+pub(crate) struct FragmentPlanes<'a, T, const C: usize> {
     /// Per fragment: u and v.
     all_uv: &'a [[T; 2]],
     /// Per fragment: what else there is.
@@ -34,7 +34,7 @@ pub(crate) struct Planes<'a, T, const C: usize> {
     numbers: [Plane<T>; C],
 }
 
-impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
+impl<'a, T: Scalar, const C: usize> FragmentPlanes<'a, T, C> {
     /// For fragments of `uv` and `numbers`.
     #[inline(always)]
     pub(crate) fn new(uv: &'a [[T; 2]], numbers: &'a [[T; C]]) -> Self {
@@ -63,6 +63,7 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
     ) -> [[T::Wide; K]; 3] {
         let mut parts = [[[T::Wide::ZERO; N]; K]; 3];
         let Range { mut start, end } = fragments;
+        assert!(end <= self.all_uv.len(), "fragments up to {end} of {}", self.all_uv.len());
         while start < end {
             if !(self.range.start <= start && end <= self.range.end) {
                 self.copy_from(start);
@@ -100,13 +101,13 @@ impl<'a, T: Scalar, const C: usize> Planes<'a, T, C> {
         let [mut first, end] = [fragments.start, fragments.end].map(|k| k - self.range.start);
         while first < end {
             let count = end - first;
-            let (us, vs): ([T; N], [T; N]) = (lanes(&self.uv[0], first), lanes(&self.uv[1], first));
+            let (us, vs): ([T; N], [T; N]) = (load(&self.uv[0], first), load(&self.uv[1], first));
             let mut numbers = [[T::ZERO; N]; C];
             for c in 0..C {
-                numbers[c] = lanes(&self.numbers[c], first);
+                numbers[c] = load(&self.numbers[c], first);
             }
             for part in 0..N {
-                // Behind the last one are those of other faces.
+                // Numbers behind the last fragment belong to other faces, or are left of other fragments.
                 let own = |number: T| if part < count { number.widen() } else { T::Wide::ZERO };
                 let (u, v) = (own(us[part]), own(vs[part]));
                 let mut own_numbers = [T::Wide::ZERO; C];
@@ -132,7 +133,7 @@ fn add_up<S: Scalar, const N: usize>(parts: &[S; N]) -> S {
     match *parts.as_slice() {
         [a, b, c, d] => (a + c) + (b + d),
         [a, b, c, d, e, f, g, h] => ((a + e) + (c + g)) + ((b + f) + (d + h)),
-        _ => parts.iter().copied().sum(),
+        _ => unreachable!("{N} parts"),
     }
 }
 
@@ -153,27 +154,31 @@ mod tests {
         sums.as_flattened().iter().map(|sum| sum.to_bits()).collect()
     }
 
+    /// The sums over some fragments with the others being no numbers, which stay with the faces that have them.
+    fn sum_alone(uv: &[[f64; 2]], numbers: &[[f64; 2]], fragments: Range<usize>) -> Vec<u64> {
+        let (mut own_uv, mut own_numbers) =
+            (vec![[f64::NAN; 2]; uv.len()], vec![[f64::NAN; 2]; uv.len()]);
+        own_uv[fragments.clone()].copy_from_slice(&uv[fragments.clone()]);
+        own_numbers[fragments.clone()].copy_from_slice(&numbers[fragments.clone()]);
+        bits(FragmentPlanes::new(&own_uv, &own_numbers).sum(&Product, fragments))
+    }
+
     #[test]
     fn sums_are_those_of_a_face_alone_wherever_planes_begin() {
-        let count = 5 * CAPACITY + 3;
+        let lengths =
+            [1, 7, 8, 9, 2, 16, 31, 32, 40, CAPACITY - 60, 30, 2 * CAPACITY + 5, 3, CAPACITY, 1];
+        let count = lengths.iter().sum();
         let number = |k: usize| (1.7 * k as f64).sin() + 0.3;
         let uv: Vec<_> = (0..count).map(|k| [0.5 * number(k), 0.5 * number(k + 7)]).collect();
         let numbers: Vec<_> = (0..count).map(|k| [number(k + 11), number(k + 19)]).collect();
-        let lengths = [1, 7, 8, 9, 2, 16, 40, CAPACITY - 60, 30, 2 * CAPACITY + 5, 3, CAPACITY, 1];
-        let mut planes = Planes::new(&uv, &numbers);
+        let mut planes = FragmentPlanes::new(&uv, &numbers);
         let mut start = 0;
         for length in lengths {
             let fragments = start..start + length;
             let sums = planes.sum(&Product, fragments.clone());
-            // What is not a number stays with the faces that have it.
-            let (mut own_uv, mut own_numbers) =
-                (vec![[f64::NAN; 2]; count], vec![[f64::NAN; 2]; count]);
-            own_uv[fragments.clone()].copy_from_slice(&uv[fragments.clone()]);
-            own_numbers[fragments.clone()].copy_from_slice(&numbers[fragments.clone()]);
-            let alone = Planes::new(&own_uv, &own_numbers).sum(&Product, fragments.clone());
-            assert_eq!(bits(sums), bits(alone), "{fragments:?}");
+            assert_eq!(bits(sums), sum_alone(&uv, &numbers, fragments.clone()), "{fragments:?}");
             let mut expected = [[0.0; 3]; 3];
-            for k in fragments {
+            for k in fragments.clone() {
                 let ([u, v], terms) = (uv[k], Product.compute(uv[k], numbers[k]));
                 for (sums, weight) in expected.iter_mut().zip([u, v, 1.0 - u - v]) {
                     for (sum, term) in sums.iter_mut().zip(terms) {
@@ -184,8 +189,12 @@ mod tests {
             for (sum, expected) in sums.as_flattened().iter().zip(expected.as_flattened()) {
                 approx::assert_abs_diff_eq!(*sum, *expected, epsilon = 1e-14 * length as f64);
             }
+            // One by one, and back to the first.
+            for k in fragments.rev().step_by(29) {
+                let sums = planes.sum(&Product, k..k + 1);
+                assert_eq!(bits(sums), sum_alone(&uv, &numbers, k..k + 1), "{k}");
+            }
             start += length;
         }
-        assert!(start <= count);
     }
 }

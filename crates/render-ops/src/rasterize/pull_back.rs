@@ -22,7 +22,7 @@ use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace, has_even_vertices};
 use crate::face_sums::FaceSums;
 use crate::homogeneous::missing_factors;
-use crate::weighted_sums::{Planes, Terms};
+use crate::weighted_sums::{FragmentPlanes, Terms};
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct WeightPullBack<'a, T: Scalar> {
@@ -33,10 +33,10 @@ pub(super) struct WeightPullBack<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> FaceSums<T::Wide> for WeightPullBack<'a, T> {
-    type Memory = Planes<'a, T, 2>;
+    type Memory = FragmentPlanes<'a, T, 2>;
 
     fn memory(&self) -> Self::Memory {
-        Planes::new(self.uv.as_chunks().0, self.uv_bar.as_chunks().0)
+        FragmentPlanes::new(self.uv.as_chunks().0, self.uv_bar.as_chunks().0)
     }
 
     #[inline(always)]
