@@ -258,6 +258,8 @@ struct PullBack<'a, T> {
 }
 
 impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+    const WIDTH: Option<usize> = Some(4);
+
     type Memory = ();
 
     fn memory(&self) {}

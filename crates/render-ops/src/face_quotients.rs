@@ -232,6 +232,8 @@ struct PullBack<'a, T, Q> {
 }
 
 impl<T: Scalar, Q: Quotient> FaceSums<T::Wide> for PullBack<'_, T, Q> {
+    const WIDTH: Option<usize> = Some(4);
+
     type Memory = ();
 
     fn memory(&self) {}

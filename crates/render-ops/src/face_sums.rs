@@ -43,6 +43,9 @@ pub(crate) fn are_finite<S: Scalar>(numbers: &[S]) -> bool {
 
 /// How terms of fragments become gradients of vertices.
 pub(crate) trait FaceSums<S>: Sync {
+    /// The numbers per vertex, where they are always as many: sums of other widths are not compiled.
+    const WIDTH: Option<usize> = None;
+
     /// What a walk keeps from one slot to the next.
     type Memory;
 
@@ -96,17 +99,17 @@ impl Layout<'_> {
     /// fragments and their entries of `entries`: what a slot's fragments have upstream is then read from
     /// memory once. Each fragment has as many entries.
     #[inline(always)]
-    pub(crate) fn add_to_and_visit<T: Scalar>(
+    pub(crate) fn add_to_and_visit<T: Scalar, F: FaceSums<T::Wide>>(
         &self,
         gradient: &mut Accumulator<T>,
-        by_face: &impl FaceSums<T::Wide>,
+        by_face: &F,
         lists: &Workbench<Vec<T>>,
         entries: &mut [T],
         visit: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
         // Arrays have a length that the compiler knows; attributes of up to eight channels need no allocation.
         let length = 3 * self.width;
-        match self.width {
+        match F::WIDTH.unwrap_or(self.width) {
             3 => {
                 let memory = ([T::Wide::ZERO; 9], [T::ZERO; 9]);
                 self.add_rows(gradient, by_face, lists, entries, visit, memory);

@@ -33,6 +33,8 @@ pub(super) struct WeightPullBack<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> FaceSums<T::Wide> for WeightPullBack<'a, T> {
+    const WIDTH: Option<usize> = Some(4);
+
     type Memory = FragmentPlanes<'a, T, 2>;
 
     fn memory(&self) -> Self::Memory {
