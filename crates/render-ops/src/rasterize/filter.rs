@@ -183,6 +183,15 @@ impl Filter {
         }
     }
 
+    /// This one with depths stored as by that of some of the vertices, if it stores them as finely within a factor of 2, and
+    /// its middle lies within the range.
+    pub(super) fn with_depths_of(self, some: &Self) -> Option<Self> {
+        let ratio = some.per_depth / self.per_depth;
+        let shift = (some.middle - self.middle).abs() * self.per_depth;
+        ((0.5..=2.0).contains(&ratio) && shift * RESOLUTION <= 1.0)
+            .then_some(Self { is_flat: self.is_flat, ..*some })
+    }
+
     /// Of a vertex.
     #[inline(always)]
     pub(super) fn record<S: Scalar<Wide = S>>(&self, corner: &Corner<S>, size: Size) -> Record {

@@ -11,6 +11,9 @@ use crate::homogeneous::Vertex;
 use crate::order::smaller;
 use crate::size::Size;
 
+/// Places among the vertices at which some are measured beforehand.
+const PLACES: usize = 16;
+
 /// What is known of some vertices together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measures<S> {
@@ -36,12 +39,25 @@ impl<S: Scalar<Wide = S>> Measures<S> {
     ) -> Self {
         let mut lanes = [Self::default(); EIGHT];
         for first in vertices.clone().step_by(EIGHT) {
-            let eight = eight_from(corners, first, vertices.end);
-            for k in 0..EIGHT {
-                lanes[k] = lanes[k].with(Self::from_corner(&eight.corner(k), corners.size));
-            }
+            Self::add_to(&mut lanes, &eight_from(corners, first, vertices.end), corners.size);
         }
         lanes.into_iter().fold(Self::default(), Self::with)
+    }
+
+    /// Of some of the vertices: of few, of all of them.
+    pub(super) fn of_some<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
+        let count = corners.len();
+        let firsts = (0..PLACES).map(|place| place * count / PLACES);
+        let ranges = firsts.map(|first| first..(first + EIGHT).min(count));
+        ranges.map(|vertices| Self::new(corners, vertices)).fold(Self::default(), Self::with)
+    }
+
+    /// Adds eight vertices, one to each of the lanes.
+    #[inline(always)]
+    fn add_to(lanes: &mut Eight<Self>, eight: &EightCorners<S>, size: Size) {
+        for k in 0..EIGHT {
+            lanes[k] = lanes[k].with(Self::from_corner(&eight.corner(k), size));
+        }
     }
 
     #[inline(always)]
@@ -72,26 +88,38 @@ impl<S: Scalar<Wide = S>> Measures<S> {
     }
 }
 
-/// Writes the records of the vertices from `first` on.
+/// Writes the records of the vertices from `first` on, and measures them.
 #[inline(always)]
 pub(super) fn record<T: Scalar>(
     corners: &ClipVertices<'_, T>,
     filter: &Filter,
     first: usize,
     records: &mut [Record],
-) {
+) -> Measures<T::Wide> {
     let end = first + records.len();
-    let fresh = |first: usize| -> Eight<Record> {
-        let eight = eight_from(corners, first, end);
-        std::array::from_fn(|k| filter.record(&eight.corner(k), corners.size))
-    };
+    let mut lanes = [Measures::default(); EIGHT];
     let (blocks, rest) = records.as_chunks_mut::<EIGHT>();
     for (first, records) in (first..).step_by(EIGHT).zip(blocks) {
-        *records = fresh(first);
+        *records = record_eight(&eight_from(corners, first, end), filter, corners.size, &mut lanes);
     }
     if !rest.is_empty() {
-        rest.copy_from_slice(&fresh(end - rest.len())[..rest.len()]);
+        let eight = eight_from(corners, end - rest.len(), end);
+        let records = record_eight(&eight, filter, corners.size, &mut lanes);
+        rest.copy_from_slice(&records[..rest.len()]);
     }
+    lanes.into_iter().fold(Measures::default(), Measures::with)
+}
+
+/// The records of eight vertices, which are measured in lanes.
+#[inline(always)]
+fn record_eight<S: Scalar<Wide = S>>(
+    eight: &EightCorners<S>,
+    filter: &Filter,
+    size: Size,
+    lanes: &mut Eight<Measures<S>>,
+) -> Eight<Record> {
+    Measures::add_to(lanes, eight, size);
+    std::array::from_fn(|k| filter.record(&eight.corner(k), size))
 }
 
 /// Eight vertices, number by number.

@@ -9,7 +9,6 @@
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. A thread draws bands one after another on one canvas, so that its memory stays in a core's cache.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::Scalar;
@@ -127,21 +126,20 @@ impl<T: Scalar> Visibility<T> {
         let Self { records, filter, .. } = self;
         resize(records, count, Record::default);
         // With their own factors vertices are as large as with a common one, or larger: bounds hold for both.
-        let measures = measure(&ClipVertices::new(clip, size, Scaling::Own));
+        let corners = ClipVertices::new(clip, size, Scaling::Own);
+        // Some vertices tell how depths are stored. All of them seldom tell otherwise; then it is done anew.
+        let of_some = Filter::new(Measures::of_some(&corners).depths, size);
+        let measures = record_all(&corners, &of_some, records);
         self.scaling = Scaling::new(measures.factors);
-        let corners = ClipVertices::new(clip, size, self.scaling);
-        *filter = Filter::new(measures.depths, size);
-        let work = |first, records: &mut [Record]| {
-            dispatch_256::<T, _>(
-                #[inline(always)]
-                || {
-                    // Moved, so that the closure can run only once and is inlined here.
-                    let records = records;
-                    vertices::record(&corners, filter, first, records);
-                },
-            );
+        let of_all = Filter::new(measures.depths, size);
+        *filter = match of_all.with_depths_of(&of_some) {
+            Some(filter) if !matches!(self.scaling, Scaling::Common(_)) => filter,
+            _ => {
+                let corners = ClipVertices::new(clip, size, self.scaling);
+                record_all(&corners, &of_all, records);
+                of_all
+            }
         };
-        merge_pieces(records, work, |()| {});
         measures.extents.most_rounding(size)
     }
 
@@ -292,20 +290,24 @@ impl<T: Scalar> Visibility<T> {
     }
 }
 
-/// What is known of all vertices together.
-fn measure<T: Scalar>(corners: &ClipVertices<'_, T>) -> Measures<T::Wide> {
+/// Writes the records of all vertices, and measures them together.
+fn record_all<T: Scalar>(
+    corners: &ClipVertices<'_, T>,
+    filter: &Filter,
+    records: &mut [Record],
+) -> Measures<T::Wide> {
     let mut measures = Measures::default();
-    let work = |vertices: Range<usize>| {
+    let work = |first, records: &mut [Record]| {
         dispatch_256::<T, _>(
             #[inline(always)]
-            || Measures::new(corners, vertices),
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let records = records;
+                vertices::record(corners, filter, first, records)
+            },
         )
     };
-    let merge = |others| measures = measures.with(others);
-    let are_shared = is_shared(corners.len(), ITEMS_TO_SHARE);
-    let pieces = 0..corners.len().div_ceil(ITEMS_PER_PIECE);
-    let vertices = |k: usize| k * ITEMS_PER_PIECE..((k + 1) * ITEMS_PER_PIECE).min(corners.len());
-    merge_each(are_shared, pieces.map(vertices), work, merge);
+    merge_pieces(records, work, |others| measures = measures.with(others));
     measures
 }
 
