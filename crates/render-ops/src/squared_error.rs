@@ -47,7 +47,7 @@ struct SquaredError<T: Scalar> {
 }
 
 /// Entries that are subtracted at once.
-const AT_ONCE: usize = 16;
+const AT_ONCE: usize = 24;
 
 /// `x - r` for the first `length` entries. What it writes after them means nothing: most runs are
 /// short, and one or two blocks of entries take less time than as many as there are.

@@ -51,14 +51,8 @@ pub(super) struct Setup<S> {
     has_uncertain: bool,
 }
 
-/// Pixels of a row that are drawn at once.
-pub(super) const LANES: usize = 4;
-
-/// `f` of each lane.
-#[inline(always)]
-pub(super) fn lanes<V>(f: impl Fn(usize) -> V) -> [V; LANES] {
-    [f(0), f(1), f(2), f(3)]
-}
+/// Pixels of a row that are weighed at once.
+pub(super) const LANES: usize = 8;
 
 /// The edge functions along a row of pixel centres.
 #[derive(Debug, Clone, Copy)]
@@ -343,7 +337,11 @@ impl<S: Scalar<Wide = S>> Weights<S> {
                     centers[done..].first_chunk::<LANES>(),
                 )
             {
-                *pairs = lanes(|lane| weights(centers[lane]));
+                let mut of_lanes = [[T::ZERO; 2]; LANES];
+                for lane in 0..LANES {
+                    of_lanes[lane] = weights(centers[lane]);
+                }
+                *pairs = of_lanes;
                 done += LANES;
             }
         }
