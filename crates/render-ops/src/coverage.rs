@@ -173,7 +173,7 @@ impl Coverage {
     pub(crate) fn add_centers(&mut self, band: &BandRuns) {
         let Self { centers, by_pixel, row_starts, covered, .. } = self;
         let before = centers.runs.len() as u32;
-        centers.add_band(band.runs(), &band.slots, band.count);
+        centers.add_band(band.runs(), &band.slots);
         by_pixel.extend(
             band.by_pixel.iter().map(|start| RunStart { run: before + start.run, ..*start }),
         );

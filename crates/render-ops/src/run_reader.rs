@@ -16,14 +16,12 @@ pub(crate) struct RunStart {
     pub(crate) run: u32,
 }
 
-/// What is seen in a band, counted from its first run, slot and fragment.
+/// What is seen in a band, counted from its first run and slot. Fragments have no numbers yet.
 #[derive(Debug, Default)]
 pub(crate) struct BandRuns {
     /// In the order of their fragments; behind them are some of other bands, which are not cleared.
     runs: Vec<Run>,
     pub(crate) slots: Vec<Slot>,
-    /// The number of fragments.
-    pub(crate) count: usize,
     /// The runs in the order of their pixels.
     pub(crate) by_pixel: Vec<RunStart>,
     /// Where in `by_pixel` each row starts.
@@ -121,20 +119,20 @@ impl RunReader {
         &self.drawn_of_slot[..self.slots as usize]
     }
 
-    /// Ends the band: sorts the runs by slot, those of one slot stay in order, and gives them their fragments.
-    /// `face_of` has the face of each number.
+    /// Ends the band: sorts the runs by slot, where those of one slot stay in order. So a face's fragments in the band will
+    /// lie side by side. `face_of` has the face of each number.
     #[inline(always)]
     pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
         let Self { slot_of, places, .. } = self;
         let read = &self.read[..self.count];
         let drawn_of_slot = &self.drawn_of_slot[..self.slots as usize];
         drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
-        let BandRuns { runs, slots, count, by_pixel, .. } = band;
+        let BandRuns { runs, slots, by_pixel, .. } = band;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.
         let mut first_run = 0;
         slots.extend(drawn_of_slot.iter().zip(&mut *places).map(|(&drawn, position)| {
-            let slot = Slot { face: face_of(drawn), first_run };
+            let slot = Slot { face: face_of(drawn), first_run, first_fragment: 0 };
             first_run += std::mem::replace(position, first_run);
             slot
         }));
@@ -150,13 +148,6 @@ impl RunReader {
             RunStart { pixel: run.pixel, run: *position - 1 }
         }));
         places[..slots.len()].fill(0);
-        // In this order a face's fragments in the band lie side by side.
-        let mut fragment = 0;
-        for run in sorted {
-            run.fragment = fragment;
-            fragment += run.length;
-        }
-        *count = fragment as usize;
     }
 }
 

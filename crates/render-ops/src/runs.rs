@@ -61,6 +61,8 @@ pub(crate) struct Slot {
     pub(crate) face: u32,
     /// The first of its runs; the next slot's first run is one after its last.
     pub(crate) first_run: u32,
+    /// The first of its fragments; so it is with these.
+    pub(crate) first_fragment: u32,
 }
 
 /// The runs of fragments of one kind: at pixel centres, or pieces of boundary pixels.
@@ -83,21 +85,22 @@ impl Runs {
         self.count = 0;
     }
 
-    /// Adds a band of `count` fragments. Its runs, slots and fragments are numbered from 0.
-    pub(crate) fn add_band(&mut self, of_band: &[Run], slots_of_band: &[Slot], count: usize) {
-        let Self { runs, slots, band_ends, count: fragments } = self;
-        let [run, slot] = [runs.len() as u32, slots.len() as u32];
-        let fragment = *fragments as u32;
-        runs.extend(of_band.iter().map(|run| Run {
-            slot: slot + run.slot,
-            fragment: fragment + run.fragment,
-            ..*run
+    /// Adds a band, whose runs and slots are numbered from 0, and numbers its fragments.
+    pub(crate) fn add_band(&mut self, of_band: &[Run], slots_of_band: &[Slot]) {
+        let Self { runs, slots, band_ends, count } = self;
+        let [first_run, first_slot] = [runs.len() as u32, slots.len() as u32];
+        let mut fragment = *count as u32;
+        runs.extend(of_band.iter().map(|run| {
+            let first = fragment;
+            fragment += run.length;
+            Run { slot: first_slot + run.slot, fragment: first, ..*run }
         }));
-        slots.extend(
-            slots_of_band.iter().map(|slot| Slot { first_run: run + slot.first_run, ..*slot }),
-        );
+        slots.extend(slots_of_band.iter().map(|slot| {
+            let first_run = first_run + slot.first_run;
+            Slot { first_run, first_fragment: runs[first_run as usize].fragment, ..*slot }
+        }));
         band_ends.push(slots.len() as u32);
-        *fragments += count;
+        *count = fragment as usize;
     }
 
     /// The number of bands.
@@ -157,11 +160,7 @@ impl Runs {
     /// The fragments of some neighbouring slots.
     #[inline(always)]
     pub(crate) fn fragments_of(&self, slots: Range<usize>) -> Range<usize> {
-        match self.in_slots(slots) {
-            [first, .., last] => first.fragment as usize..last.fragments().end,
-            [only] => only.fragments(),
-            [] => 0..0,
-        }
+        self.fragments_before(slots.start)..self.fragments_before(slots.end)
     }
 
     /// The rows of the bands of some neighbouring slots.
@@ -205,6 +204,12 @@ impl Runs {
     #[inline(always)]
     fn runs_before(&self, slot: usize) -> usize {
         self.slots.get(slot).map_or(self.runs.len(), |slot| slot.first_run as usize)
+    }
+
+    /// How many fragments come before those of slot `slot`.
+    #[inline(always)]
+    fn fragments_before(&self, slot: usize) -> usize {
+        self.slots.get(slot).map_or(self.count, |slot| slot.first_fragment as usize)
     }
 
     /// Calls `work(slots, first, own)` for each band, with its slots, its first fragment, and the
@@ -262,7 +267,6 @@ impl Runs {
         work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
         merge: impl FnMut(R) + Send,
     ) {
-        // Where none of the bands has a fragment, it does not matter.
         let mut first = self.fragments_of(self.slots_of(bands.clone())).start;
         let mut rest = &mut entries[first * width..];
         let are_shared = self.are_shared(bands.clone());

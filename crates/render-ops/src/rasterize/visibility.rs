@@ -341,8 +341,8 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
         boundary
             .fragments
             .extend(piece_fragments.fragments.iter().map(|fragment| fragments + fragment));
-        let Runs { runs, slots, count, .. } = &piece_fragments.runs;
-        pieces.add_band(runs, slots, *count);
+        let Runs { runs, slots, .. } = &piece_fragments.runs;
+        pieces.add_band(runs, slots);
         let counts = &mut boundary.counts;
         counts.pixels += of_band.pixels.len();
         counts.pieces += piece_fragments.fragments.len();

@@ -41,7 +41,8 @@ impl<T: Scalar> PieceFragments<T> {
             let slot = &mut slot_of[piece.band_face as usize];
             if *slot == NO_SLOT {
                 *slot = slots.len() as u32;
-                slots.push(Slot { face: faces[piece.band_face as usize], first_run: 0 });
+                let face = faces[piece.band_face as usize];
+                slots.push(Slot { face, first_run: 0, first_fragment: 0 });
                 places.push(0);
             }
             places[*slot as usize] += 1;
@@ -49,7 +50,7 @@ impl<T: Scalar> PieceFragments<T> {
         // A counting sort, as in `canvas`: counts become the places where each slot begins.
         let mut before = 0;
         for (slot, position) in slots.iter_mut().zip(places.iter_mut()) {
-            slot.first_run = before;
+            (slot.first_run, slot.first_fragment) = (before, before);
             before += std::mem::replace(position, before);
         }
         runs.clear();
