@@ -29,6 +29,8 @@ struct Inner<T: Scalar> {
     reference: Tensor<T>,
     /// `[C]`.
     background: Tensor<T>,
+    /// Of squared errors: the background of [`BLOCK`] pixels.
+    backgrounds: Vec<T>,
     /// `[H, W]`.
     mask: Option<Mask>,
     /// Per pixel f of the background; of squared errors none.
@@ -139,12 +141,15 @@ impl<T: Scalar> PixelLoss<T> {
         background: Tensor<T>,
         mask: Option<Mask>,
     ) -> Result<Self, RenderError> {
-        let behind = match &rule {
-            Rule::Squared => Vec::new(),
-            Rule::Function(f) => behind(&**f, &reference, &background, mask.as_ref())?,
+        let (backgrounds, behind) = match &rule {
+            Rule::Squared => (background.data().repeat(BLOCK), Vec::new()),
+            Rule::Function(f) => {
+                (Vec::new(), behind(&**f, &reference, &background, mask.as_ref())?)
+            }
         };
         let blocks = OnceLock::new();
-        Ok(Self(Arc::new(Inner { rule, reference, background, mask, behind, blocks })))
+        let inner = Inner { rule, reference, background, backgrounds, mask, behind, blocks };
+        Ok(Self(Arc::new(inner)))
     }
 
     /// The reference image, `[H, W, R]`.
@@ -189,14 +194,11 @@ impl<T: Scalar> PixelLoss<T> {
 
     /// The loss of the background over `pixels`.
     pub(crate) fn behind(&self, pixels: Range<usize>) -> T::Wide {
-        let Inner { rule, reference, background, behind, blocks, .. } = &*self.0;
-        let (background, channels) = (background.data(), background.size());
+        let Inner { rule, reference, background, backgrounds, behind, blocks, .. } = &*self.0;
+        let (reference, channels) = (reference.data(), background.size());
+        let error = |block: &[T]| squared_error(backgrounds, block);
         let blocks = blocks.get_or_init(|| match rule {
-            Rule::Squared => {
-                let (repeated, blocks) = (background.repeat(BLOCK), reference.data());
-                let blocks = blocks.chunks(BLOCK * channels);
-                Blocks::new(blocks.map(|block| squared_error(&repeated, block)).collect())
-            }
+            Rule::Squared => Blocks::new(reference.chunks(backgrounds.len()).map(error).collect()),
             Rule::Function(_) => {
                 let of_block = |block: &[T]| sum::<T>(block.len(), |k| block[k].widen());
                 Blocks::new(behind.chunks(BLOCK).map(of_block).collect())
@@ -204,8 +206,8 @@ impl<T: Scalar> PixelLoss<T> {
         });
         blocks.sum(pixels, |pixels| match rule {
             Rule::Squared => {
-                let pixels = &reference.data()[pixels.start * channels..pixels.end * channels];
-                pixels.chunks(channels).map(|pixel| squared_error(background, pixel)).sum()
+                let pixels = &reference[pixels.start * channels..pixels.end * channels];
+                pixels.chunks(backgrounds.len()).map(error).sum()
             }
             Rule::Function(_) => behind[pixels].iter().map(|loss| loss.widen()).sum(),
         })
