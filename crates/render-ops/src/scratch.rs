@@ -1,11 +1,18 @@
 //! Memory that pieces of work borrow.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 
 /// Memory for as many pieces of work as run at the same time, or wait to be merged. It is kept from step to step, so a
 /// step like the last one allocates nothing.
-#[derive(Debug, Default)]
-pub(crate) struct Workbench<M>(Mutex<Vec<M>>);
+#[derive(Debug)]
+pub(crate) struct Workbench<M>(Mutex<Vec<(ThreadId, M)>>);
+
+impl<M> Default for Workbench<M> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
 
 impl<M: Default> Workbench<M> {
     /// Does a piece of work with memory of its own, which holds what some earlier piece left.
@@ -16,24 +23,29 @@ impl<M: Default> Workbench<M> {
         result
     }
 
-    /// Takes memory out, which holds what some earlier piece left, for longer than a piece of work.
+    /// Takes memory out, which holds what some earlier piece left, for longer than a piece of work. Of several the one is
+    /// taken that this thread kept last, for it may still lie in the cache of its core.
     pub(crate) fn take(&self) -> M {
-        self.lock().pop().unwrap_or_default()
+        let thread = thread::current().id();
+        let mut kept = self.lock();
+        let own = kept.iter().rposition(|(last, _)| *last == thread);
+        let index = own.or(kept.len().checked_sub(1));
+        index.map_or_else(M::default, |index| kept.swap_remove(index).1)
     }
 
     /// Keeps memory for later.
     pub(crate) fn put_back(&self, memory: M) {
-        self.lock().push(memory);
+        self.lock().push((thread::current().id(), memory));
     }
 
     /// The sum of `size` over all memory that is kept.
     pub(crate) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
-        self.lock().iter().map(size).sum()
+        self.lock().iter().map(|(_, memory)| size(memory)).sum()
     }
 }
 
 impl<M> Workbench<M> {
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<M>> {
+    fn lock(&self) -> MutexGuard<'_, Vec<(ThreadId, M)>> {
         // A piece that panics has taken its memory out, so all that is left can be used.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -42,7 +54,7 @@ impl<M> Workbench<M> {
 impl<E> Workbench<Vec<E>> {
     /// The bytes of the entries of all lists that are kept.
     pub(crate) fn bytes(&self) -> usize {
-        self.lock().iter().map(|list| size_of_val(&list[..])).sum()
+        self.lock().iter().map(|(_, list)| size_of_val(&list[..])).sum()
     }
 }
 

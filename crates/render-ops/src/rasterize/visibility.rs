@@ -446,6 +446,8 @@ mod tests {
             again in prop::collection::vec((0..5_usize, change(), any::<bool>()), 0..4),
             // In some scenes all depths are equal, or nearly, or all z.
             flat in prop::option::weighted(0.2, (prop_oneof![Just(0.0), Just(1.0 - f64::EPSILON), -0.9..0.9_f64], any::<bool>())),
+            // Before the faces' vertices come some of no face, at one depth: the filter measures few vertices beforehand.
+            others in prop::option::weighted(0.3, (prop_oneof![Just(0.0), -0.9..0.9_f64], 600..1000_usize)),
             (width, height) in prop_oneof![
                 (1..22_usize, 1..17_usize),
                 Just((16, 16)),
@@ -469,9 +471,13 @@ mod tests {
                     vertex[2] = depth * vertex[3];
                 });
             }
+            let (depth, before) = others.unwrap_or_default();
+            clip.splice(..0, vec![[0.0, 0.0, depth, 1.0]; before]);
             let clip = clip.as_flattened();
             let size = Size { width, height };
-            let indices: Vec<_> = (0..faces.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+            let indices: Vec<_> = (0..faces.len())
+                .map(|k| [0, 1, 2].map(|i| (before + 3 * k + i) as u32))
+                .collect();
             let mesh = Mesh::new(indices.clone(), clip.len() / 4).unwrap();
             let tape = Tape::new();
             let clip_var = tape.constant(&Tensor::new([clip.len() / 4, 4], clip.to_vec()).unwrap());
