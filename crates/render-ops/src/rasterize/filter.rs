@@ -405,7 +405,7 @@ mod tests {
             .map(|(pixel, depth)| vertex(pixel, depth))
             .collect();
         let corners = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
-        let filter = Filter::new(Measures::new(&corners, 0..5).depths, size);
+        let filter = Filter::new(Measures::of_some(&corners).depths, size);
         let mut records = [Record::default(); 5];
         record(&corners, &filter, 0, &mut records);
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);

@@ -1,7 +1,5 @@
 //! What is computed for all vertices before faces are judged, eight of them side by side.
 
-use std::ops::Range;
-
 use bokashi_core::Scalar;
 
 use super::corner::{ClipVertices, Corner};
@@ -31,25 +29,14 @@ impl<S: Scalar<Wide = S>> Default for Measures<S> {
 }
 
 impl<S: Scalar<Wide = S>> Measures<S> {
-    /// Of the vertices of these indices.
+    /// Of some of the vertices; of few, of all of them.
     #[inline(always)]
-    pub(super) fn new<T: Scalar<Wide = S>>(
-        corners: &ClipVertices<'_, T>,
-        vertices: Range<usize>,
-    ) -> Self {
+    pub(super) fn of_some<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
         let mut lanes = [Self::default(); EIGHT];
-        for first in vertices.clone().step_by(EIGHT) {
-            Self::add_to(&mut lanes, &eight_from(corners, first, vertices.end), corners.size);
+        for first in (0..corners.len()).step_by((corners.len() / PLACES).max(EIGHT)) {
+            Self::add_to(&mut lanes, &eight_from(corners, first, corners.len()), corners.size);
         }
         lanes.into_iter().fold(Self::default(), Self::with)
-    }
-
-    /// Of some of the vertices: of few, of all of them.
-    pub(super) fn of_some<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
-        let count = corners.len();
-        let firsts = (0..PLACES).map(|place| place * count / PLACES);
-        let ranges = firsts.map(|first| first..(first + EIGHT).min(count));
-        ranges.map(|vertices| Self::new(corners, vertices)).fold(Self::default(), Self::with)
     }
 
     /// Adds eight vertices, one to each of the lanes.

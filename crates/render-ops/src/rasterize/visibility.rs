@@ -128,7 +128,11 @@ impl<T: Scalar> Visibility<T> {
         // With their own factors vertices are as large as with a common one, or larger: bounds hold for both.
         let corners = ClipVertices::new(clip, size, Scaling::Own);
         // Some vertices tell how depths are stored. All of them seldom tell otherwise; then it is done anew.
-        let of_some = Filter::new(Measures::of_some(&corners).depths, size);
+        let some = dispatch_256::<T, _>(
+            #[inline(always)]
+            || Measures::of_some(&corners),
+        );
+        let of_some = Filter::new(some.depths, size);
         let measures = record_all(&corners, &of_some, records);
         self.scaling = Scaling::new(measures.factors);
         let of_all = Filter::new(measures.depths, size);
