@@ -18,6 +18,15 @@ pub(crate) fn is_large(faces: &[[u32; 3]]) -> bool {
     faces.len() >= MANY_FACES
 }
 
+/// Images of fewer bytes stay in a core's cache, too.
+const MANY_BYTES: usize = 1 << 20;
+
+/// Whether the entries of an image are worth fetching.
+#[inline(always)]
+pub(crate) fn is_large_image<T>(entries: &[T]) -> bool {
+    size_of_val(entries) >= MANY_BYTES
+}
+
 /// Reads a number.
 #[inline(always)]
 pub(crate) fn fetch<E: Copy>(entry: E) {

@@ -15,7 +15,7 @@ use bokashi_core::parallel::join;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use crate::coverage::Coverage;
-use crate::fetch::fetch_all;
+use crate::fetch::{fetch_all, is_large_image};
 use crate::picture::Picture;
 use crate::pixel_loss::PixelLoss;
 
@@ -81,7 +81,9 @@ fn fetch_reference<T: Scalar>(
     channels: usize,
 ) {
     let runs = &coverage.centers;
-    if runs.fragments_of(slots.clone()).len() > SHORT * runs.in_slots(slots.clone()).len() {
+    let are_short =
+        || runs.fragments_of(slots.clone()).len() <= SHORT * runs.in_slots(slots.clone()).len();
+    if !is_large_image(reference) || !are_short() {
         return;
     }
     for pixels in coverage.pixels_by_row(slots) {
