@@ -341,17 +341,20 @@ mod tests {
     fn the_background_of_a_range_is_the_sum_over_its_pixels() {
         // Long enough for blocks of blocks.
         let pixels = 3 * BLOCK * BLOCK + 5 * BLOCK + 7;
-        let image = Tensor::from_flat_fn([1, pixels, 2], |k| (k % 11) as f64);
-        let loss = PixelLoss::squared(&image, &Tensor::new([2], vec![3.0, 8.0]).unwrap()).unwrap();
-        let square = |k: usize| (image.data()[k] - [3.0, 8.0][k % 2]).powi(2);
-        let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];
-        let starts = ends.iter().flat_map(|&start| [start, start + BLOCK * BLOCK]);
-        for start in starts {
-            for end in ends.iter().flat_map(|&end| [start + end, pixels - end]) {
-                if start <= end && end <= pixels {
-                    // Whole numbers: sums are exact.
-                    let expected: f64 = (2 * start..2 * end).map(square).sum();
-                    assert_eq!(loss.behind(start..end), expected, "{start}..{end}");
+        for channels in [1, 2, 3, 5] {
+            let image = Tensor::from_flat_fn([1, pixels, channels], |k| (k % 11) as f64);
+            let background = Tensor::from_flat_fn([channels], |c| (3 + 5 * c) as f64);
+            let loss = PixelLoss::squared(&image, &background).unwrap();
+            let square = |k: usize| (image.data()[k] - background.data()[k % channels]).powi(2);
+            let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];
+            let starts = ends.iter().flat_map(|&start| [start, start + BLOCK * BLOCK]);
+            for start in starts {
+                for end in ends.iter().flat_map(|&end| [start + end, pixels - end]) {
+                    if start <= end && end <= pixels {
+                        // Whole numbers: sums are exact.
+                        let expected: f64 = (channels * start..channels * end).map(square).sum();
+                        assert_eq!(loss.behind(start..end), expected, "{channels}: {start}..{end}");
+                    }
                 }
             }
         }

@@ -61,7 +61,7 @@ pub(crate) struct Slot {
     pub(crate) face: u32,
     /// The first of its runs; the next slot's first run is one after its last.
     pub(crate) first_run: u32,
-    /// The first of its fragments; so it is with these.
+    /// The first of its fragments; the next slot's first fragment is one after its last.
     pub(crate) first_fragment: u32,
 }
 

@@ -5,14 +5,8 @@ use std::thread::{self, ThreadId};
 
 /// Memory for as many pieces of work as run at the same time, or wait to be merged. It is kept from step to step, so a
 /// step like the last one allocates nothing.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Workbench<M>(Mutex<Vec<(ThreadId, M)>>);
-
-impl<M> Default for Workbench<M> {
-    fn default() -> Self {
-        Self(Mutex::default())
-    }
-}
 
 impl<M: Default> Workbench<M> {
     /// Does a piece of work with memory of its own, which holds what some earlier piece left.
@@ -23,14 +17,13 @@ impl<M: Default> Workbench<M> {
         result
     }
 
-    /// Takes memory out, which holds what some earlier piece left, for longer than a piece of work. Of several the one is
-    /// taken that this thread kept last, for it may still lie in the cache of its core.
+    /// Takes memory out, which holds what some earlier piece left, for longer than a piece of work. Of several it takes
+    /// what this thread put back last, for that may still lie in the cache of its core; else what was put back first.
     pub(crate) fn take(&self) -> M {
         let thread = thread::current().id();
         let mut kept = self.lock();
         let own = kept.iter().rposition(|(last, _)| *last == thread);
-        let index = own.or(kept.len().checked_sub(1));
-        index.map_or_else(M::default, |index| kept.swap_remove(index).1)
+        if kept.is_empty() { M::default() } else { kept.remove(own.unwrap_or(0)).1 }
     }
 
     /// Keeps memory for later.
@@ -68,6 +61,27 @@ pub(crate) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_thread_takes_what_it_put_back_last() {
+        let bench = Workbench::<u32>::default();
+        let on_another = |work: &(dyn Fn() + Sync)| {
+            thread::scope(|scope| {
+                scope.spawn(work).join().unwrap();
+            })
+        };
+        bench.put_back(1);
+        bench.put_back(2);
+        on_another(&|| {
+            bench.put_back(3);
+            bench.put_back(4);
+            assert_eq!([bench.take(), bench.take()], [4, 3]);
+            // Of others what was put back first.
+            assert_eq!(bench.take(), 1);
+            bench.put_back(5);
+        });
+        assert_eq!([bench.take(), bench.take(), bench.take()], [2, 5, 0]);
+    }
 
     #[test]
     fn the_bytes_are_those_of_all_lists_that_are_kept() {

@@ -6,7 +6,7 @@
 //!
 //! # Vertices
 //! A vertex of 16 bytes has its pixel coordinates as whole numbers of a unit h, so that differences are exact, and its
-//! depth z / w less the middle of all depths, so that they are small. Only *tame* vertices have one (`corner`).
+//! depth z / w less a depth amid them, so that they are small. Only *tame* vertices have one (`corner`).
 //!
 //! # Bounds
 //! Let b be the larger side of a face's box in pixels and `B = b + 1`. Coordinates from the face's first pixel are off by
@@ -20,8 +20,9 @@
 //! `culling`. The w of a face's vertices are within a factor of [`EVEN`]. Then `setup`'s bound is below
 //! `65 eps W H EVEN^2 / 4`, and that of the determinant below `193 eps W H EVEN^2 / 4`, for W x H pixels.
 //!
-//! *Depths* are stored in units of a tolerance, [`RESOLUTION`] of the largest, and are certain where they differ by more
-//! than 1. A pixel with the weights `b_i` has the depth of the plane through the vertices. Where these are off by `d_i`,
+//! *Depths* are stored in units of a tolerance, [`RESOLUTION`] of half their range, and are certain where they differ by
+//! more than 1. Some vertices tell the middle and the unit: both may be off within bounds (`with_depths_of`). So stored
+//! depths are below 20,000, and four roundings of them take 0.005 of the 0.02 that `blocks` leaves. A pixel with the weights `b_i` has the depth of the plane through the vertices. Where these are off by `d_i`,
 //! it is off by `grad z . sum b_i d_i`, at most half a unit times `|z_x| + |z_y|`; 1.4 times that for pixels that may lie a
 //! little outside, since `blocks` asks for an area of 16 bounds. Rounding moves both weights and the area by what it
 //! moves edge functions by, over the area, and sums by less: four times in all, times the range of the depths. `blocks`
@@ -65,8 +66,9 @@ pub(super) fn is_drawn(depth: f64) -> bool {
 /// Depths that differ by more than this share of the largest depth are told apart.
 const RESOLUTION: f64 = 2e-4;
 
-/// Half the range of depths from which on they are told apart: in units of the tolerance they stay far below [`EMPTY`].
-const LEAST_HALF: f64 = 1e-14;
+/// Half the range of depths from which on they are told apart. The tolerance stays far above what wide numbers round,
+/// some 1e-15, and in units of it depths stay far below [`EMPTY`].
+const LEAST_HALF: f64 = 1e-9;
 
 /// The depth of a pixel that nothing covers: far beyond any other.
 pub(super) const EMPTY: f32 = 1e30;
@@ -85,7 +87,7 @@ pub(super) struct Filter {
     /// Half a pixel, and more than the roundings of a coordinate within the image, in units.
     half: i32,
     rounding: i32,
-    /// The middle of the depths.
+    /// A depth amid the others.
     middle: f64,
     /// Stored depths have so many units.
     per_depth: f64,
@@ -129,7 +131,7 @@ pub(super) struct Record {
     /// In units from the centre of the first pixel.
     x: i32,
     y: i32,
-    /// Less the middle.
+    /// Less that amid the others, in units of the tolerance.
     depth: f32,
     /// 0 for a vertex that is not tame: no face with such a vertex is even.
     w: f32,
@@ -183,8 +185,8 @@ impl Filter {
         }
     }
 
-    /// This one with depths stored as by that of some of the vertices, if it stores them as finely within a factor of 2, and
-    /// its middle lies within the range.
+    /// This filter, but storing depths as `some` does, a filter made from some of the vertices. `None` unless that stores
+    /// them as finely, within a factor of 2, and its middle lies within their range.
     pub(super) fn with_depths_of(self, some: &Self) -> Option<Self> {
         let ratio = some.per_depth / self.per_depth;
         let shift = (some.middle - self.middle).abs() * self.per_depth;
@@ -406,8 +408,49 @@ mod tests {
             .collect();
         let corners = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
         let filter = Filter::new(Measures::of_some(&corners).depths, size);
+        let extreme = filter.with_depths_of(&other_depths(filter, 2.0, 1.0)).unwrap();
+        errors_of(filter, &corners, pixels, depths)
+            .largest(errors_of(extreme, &corners, pixels, depths))
+    }
+
+    /// One that stores depths so many times as finely, with the middle moved by a share of half the range.
+    fn other_depths(filter: Filter, ratio: f64, shift: f64) -> Filter {
+        let half = 1.0 / (RESOLUTION * filter.per_depth);
+        let middle = filter.middle + shift * half;
+        Filter { middle, per_depth: ratio * filter.per_depth, ..filter }
+    }
+
+    #[test]
+    fn depths_are_stored_as_some_vertices_tell_within_bounds() {
+        let depths = Depths { least: 0.25, largest: 0.75, largest_z: 1.0 };
+        let filter = Filter::new(depths, Size::square(16));
+        for (ratio, shift, is_near) in [
+            (0.5, 0.99, true),
+            (2.0, -0.99, true),
+            (0.49, 0.0, false),
+            (2.01, 0.0, false),
+            (1.0, 1.01, false),
+            (1.0, -1.01, false),
+        ] {
+            let some = Filter { is_flat: true, ..other_depths(filter, ratio, shift) };
+            let taken = filter.with_depths_of(&some);
+            assert_eq!(taken.is_some(), is_near, "{ratio}, {shift}");
+            if let Some(Filter { is_flat, middle, per_depth, .. }) = taken {
+                assert_eq!((is_flat, middle, per_depth), (false, some.middle, some.per_depth));
+            }
+        }
+    }
+
+    /// [`errors`] of a filter, where the first three vertices have these pixel coordinates and depths.
+    fn errors_of(
+        filter: Filter,
+        corners: &ClipVertices<'_, f64>,
+        pixels: [[f64; 2]; 3],
+        depths: [f64; 3],
+    ) -> Errors {
+        let (size, extent) = (corners.size, corners.size.width);
         let mut records = [Record::default(); 5];
-        record(&corners, &filter, 0, &mut records);
+        record(corners, &filter, 0, &mut records);
         let octet = Octet::gather(&records, [[0, 1, 2]; EIGHT]);
         let boxes = filter.boxes(&octet, size, Sampling::Center);
         let small = SmallFaces::new(&filter, &octet, size, [0, extent - 1]);

@@ -9,7 +9,7 @@ use crate::homogeneous::Vertex;
 use crate::order::smaller;
 use crate::size::Size;
 
-/// Places among the vertices at which some are measured beforehand.
+/// About so many places among the vertices at which eight of them are measured beforehand.
 const PLACES: usize = 16;
 
 /// What is known of some vertices together.
@@ -29,7 +29,7 @@ impl<S: Scalar<Wide = S>> Default for Measures<S> {
 }
 
 impl<S: Scalar<Wide = S>> Measures<S> {
-    /// Of some of the vertices; of few, of all of them.
+    /// Of some of the vertices, which bound nothing for the others; of up to eight, of all of them.
     #[inline(always)]
     pub(super) fn of_some<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
         let mut lanes = [Self::default(); EIGHT];

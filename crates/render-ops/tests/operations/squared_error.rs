@@ -65,3 +65,34 @@ fn passes_over_one_recording_have_the_same_bits_though_the_first_one_gives_its_s
     }
     assert_eq!(seen[0], seen[1]);
 }
+
+#[test]
+fn the_error_before_a_large_reference_is_that_of_a_dense_image() {
+    // More than a megabyte, of which rows are read beforehand where runs are short.
+    let size = Size { width: 400, height: 300 };
+    let tape = Tape::<f64>::new();
+    let corners = (0..600).flat_map(|k| {
+        let (x, y) = (-0.95 + 0.063 * f64::from(k % 30), -0.95 + 0.09 * f64::from(k / 30));
+        [[x, y, 0.0, 1.0], [x + 0.04, y + 0.01, 0.0, 1.0], [x + 0.01, y + 0.07, 0.0, 1.0]]
+    });
+    let clip = tape.leaf(&Tensor::new([1800, 4], corners.flatten().collect()).unwrap());
+    let mesh = Mesh::new((0..600).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 1800).unwrap();
+    let fragments = rasterize(clip, &mesh, size).unwrap();
+    let runs = fragments.coverage.runs().count();
+    assert!(fragments.coverage.count() > 2000 && fragments.coverage.count() < 16 * runs);
+    let values = Tensor::from_flat_fn([fragments.coverage.count(), 3], |k| (k % 13) as f64);
+    let values = tape.leaf(&values);
+    let picture = composite(values, &fragments, Background::Zero).unwrap();
+    // Whole numbers: sums are exact.
+    let goal = Tensor::from_flat_fn([size.height, size.width, 3], |k| (k * 7 % 31) as f64);
+    let loss = picture.loss(&PixelLoss::squared(&goal, &Tensor::zeros([3])).unwrap()).unwrap();
+    let image = picture.image().unwrap().value();
+    let square = |(x, r): (&f64, &f64)| (x - r) * (x - r);
+    assert_eq!(loss.item(), image.data().iter().zip(goal.data()).map(square).sum::<f64>());
+    let bars = loss.backward().unwrap();
+    let slopes = image.data().iter().zip(goal.data()).map(|(x, r)| 2.0 * (x - r));
+    let slopes: Vec<_> = slopes.collect();
+    let mut expected = vec![0.0; 3 * fragments.coverage.count()];
+    fragments.coverage.gather(&slopes, 3, &mut expected);
+    assert_eq!(bars.get(values).unwrap().data(), expected);
+}

@@ -4,12 +4,14 @@ use bokashi_core::Scalar;
 
 use super::pieces::Pieces;
 use crate::run_reader::NO_SLOT;
-use crate::runs::{Run, Runs, Slot};
+use crate::runs::{Run, Slot};
 
-/// The pieces of a band as fragments, counted from its first run, slot and fragment.
+/// The pieces of a band as fragments, counted from its first run, slot and fragment. A run is one piece.
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct PieceFragments<T> {
-    pub(in crate::rasterize) runs: Runs,
+    /// In the order of their fragments, which have no numbers yet.
+    pub(in crate::rasterize) runs: Vec<Run>,
+    pub(in crate::rasterize) slots: Vec<Slot>,
     /// The weights u and v of each fragment.
     pub(in crate::rasterize) barycentrics: Vec<T>,
     /// The share of its pixel that each fragment covers.
@@ -29,10 +31,8 @@ impl<T: Scalar> PieceFragments<T> {
         faces: &[u32],
         slot_of: &mut Vec<u32>,
     ) {
-        let Self { runs, barycentrics, weights, fragments, places } = self;
-        runs.count = pieces.pieces.len();
-        let Runs { runs, slots, count, .. } = runs;
-        let count = *count;
+        let Self { runs, slots, barycentrics, weights, fragments, places } = self;
+        let count = pieces.pieces.len();
         slots.clear();
         places.clear();
         slot_of.clear();
@@ -50,7 +50,7 @@ impl<T: Scalar> PieceFragments<T> {
         // A counting sort, as in `canvas`: counts become the places where each slot begins.
         let mut before = 0;
         for (slot, position) in slots.iter_mut().zip(places.iter_mut()) {
-            (slot.first_run, slot.first_fragment) = (before, before);
+            slot.first_run = before;
             before += std::mem::replace(position, before);
         }
         runs.clear();
@@ -67,7 +67,7 @@ impl<T: Scalar> PieceFragments<T> {
                 let fragment = places[slot as usize];
                 places[slot as usize] += 1;
                 let index = fragment as usize;
-                runs[index] = Run { slot, pixel, length: 1, fragment };
+                runs[index] = Run { slot, pixel, length: 1, fragment: 0 };
                 let [u, v] = piece.barycentrics.map(T::narrow);
                 (barycentrics[2 * index], barycentrics[2 * index + 1]) = (u, v);
                 weights[index] = T::narrow(piece.weight());

@@ -6,7 +6,7 @@ use bokashi_render_ops::{Mesh, Size, rasterize};
 use rayon::ThreadPoolBuilder;
 
 /// Pixels of a block.
-const LANES: usize = 4;
+const LANES: usize = 8;
 
 /// A sliver of this width along the centres of row 4, from column 2 to `end`, with depths from 1.35
 /// down to -0.45. It covers the centres of its right half, and the first half of these centres lies
@@ -47,9 +47,9 @@ fn a_sliver_is_seen_where_it_is_the_nearer_one() {
 
 #[test]
 fn the_last_block_of_a_row_ends_at_the_right_border_whatever_the_width() {
-    for width in 1..=21 {
+    for width in 1..=35 {
         let size = Size { width, height: 5 };
-        for reach in 1..=width.min(6) {
+        for reach in (1..=width.min(6)).chain(15..=width.min(19)) {
             // A face over the last columns, which ends beyond them, and one that ends before.
             let left = (width - reach) as f64 + 0.2;
             for right in [width as f64 + 3.0, width as f64 - 0.3] {
