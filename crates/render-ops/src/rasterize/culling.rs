@@ -359,7 +359,7 @@ mod tests {
         let orientation = |clip: &[[f64; 4]; 3], face: [u32; 3]| {
             let corners = face.map(|vertex| Corner::new(clip.as_flattened(), vertex, size));
             let positions = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
-            let noise = Measures::of_some(&positions).extents.most_rounding(size);
+            let noise = Measures::from_sample(&positions).extents.most_rounding(size);
             Verdict::from_corners(corners.each_ref(), face, size.into(), noise).orientation
         };
         // On a line but for rounding: in the image, and beside it, where faces are left out as outside.

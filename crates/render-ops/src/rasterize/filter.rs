@@ -21,7 +21,7 @@
 //! `65 eps W H EVEN^2 / 4`, and that of the determinant below `193 eps W H EVEN^2 / 4`, for W x H pixels.
 //!
 //! *Depths* are stored in units of a tolerance, [`RESOLUTION`] of half their range, and are certain where they differ by
-//! more than 1. Some vertices tell the middle and the unit: both may be off within bounds (`with_depths_of`). So stored
+//! more than 1. A sample of vertices tells the middle and the unit: both may be off within bounds (`with_depths_of`). So stored
 //! depths are below 20,000, and four roundings of them take 0.005 of the 0.02 that `blocks` leaves. A pixel with the weights `b_i` has the depth of the plane through the vertices. Where these are off by `d_i`,
 //! it is off by `grad z . sum b_i d_i`, at most half a unit times `|z_x| + |z_y|`; 1.4 times that for pixels that may lie a
 //! little outside, since `blocks` asks for an area of 16 bounds. Rounding moves both weights and the area by what it
@@ -185,13 +185,13 @@ impl Filter {
         }
     }
 
-    /// This filter, but storing depths as `some` does, a filter made from some of the vertices. `None` unless that stores
-    /// them as finely, within a factor of 2, and its middle lies within their range.
-    pub(super) fn with_depths_of(self, some: &Self) -> Option<Self> {
-        let ratio = some.per_depth / self.per_depth;
-        let shift = (some.middle - self.middle).abs() * self.per_depth;
+    /// This filter, but storing depths as another does, which was made from a sample of the vertices. `None` unless that
+    /// stores them as finely, within a factor of 2, and its middle lies within their range.
+    pub(super) fn with_depths_of(self, of_sample: &Self) -> Option<Self> {
+        let ratio = of_sample.per_depth / self.per_depth;
+        let shift = (of_sample.middle - self.middle).abs() * self.per_depth;
         ((0.5..=2.0).contains(&ratio) && shift * RESOLUTION <= 1.0)
-            .then_some(Self { is_flat: self.is_flat, ..*some })
+            .then_some(Self { is_flat: self.is_flat, ..*of_sample })
     }
 
     /// Of a vertex.
@@ -407,7 +407,7 @@ mod tests {
             .map(|(pixel, depth)| vertex(pixel, depth))
             .collect();
         let corners = ClipVertices::new(clip.as_flattened(), size, Scaling::Own);
-        let filter = Filter::new(Measures::of_some(&corners).depths, size);
+        let filter = Filter::new(Measures::from_sample(&corners).depths, size);
         let extreme = filter.with_depths_of(&other_depths(filter, 2.0, 1.0)).unwrap();
         errors_of(filter, &corners, pixels, depths)
             .largest(errors_of(extreme, &corners, pixels, depths))
@@ -421,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn depths_are_stored_as_some_vertices_tell_within_bounds() {
+    fn depths_are_stored_as_a_sample_tells_within_bounds() {
         let depths = Depths { least: 0.25, largest: 0.75, largest_z: 1.0 };
         let filter = Filter::new(depths, Size::square(16));
         for (ratio, shift, is_near) in [

@@ -29,9 +29,9 @@ impl<S: Scalar<Wide = S>> Default for Measures<S> {
 }
 
 impl<S: Scalar<Wide = S>> Measures<S> {
-    /// Of some of the vertices, which bound nothing for the others; of up to eight, of all of them.
+    /// Of a sample of the vertices, which bounds nothing for the others; of up to eight, of all of them.
     #[inline(always)]
-    pub(super) fn of_some<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
+    pub(super) fn from_sample<T: Scalar<Wide = S>>(corners: &ClipVertices<'_, T>) -> Self {
         let mut lanes = [Self::default(); EIGHT];
         for first in (0..corners.len()).step_by((corners.len() / PLACES).max(EIGHT)) {
             Self::add_to(&mut lanes, &eight_from(corners, first, corners.len()), corners.size);

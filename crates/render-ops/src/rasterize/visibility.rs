@@ -17,7 +17,7 @@ use bokashi_core::parallel::{is_shared, merge_each};
 use super::canvas::{Band, BandLayer, Canvas, Draw};
 use super::corner::{ClipVertices, Scaling};
 use super::culling::{Judge, Judged, Listed, Rules};
-use super::filter::{Filter, Record};
+use super::filter::{EIGHT, Filter, Record};
 use super::prepared::Prepared;
 use super::setup::LANES;
 use super::vertices::{self, Measures};
@@ -29,8 +29,11 @@ use crate::runs::{WORK_OF_FACE, WORK_TO_SHARE, rows_per_band};
 use crate::scratch::{Workbench, resize};
 use crate::size::Size;
 
-/// Vertices or faces in one piece of work: some microseconds.
+/// The fewest vertices or faces in one piece of work: some microseconds.
 const ITEMS_PER_PIECE: usize = 1 << 10;
+
+/// The most pieces. All of them wait for one whose thread has lost its core, in a list that is not kept.
+const PIECES: usize = 64;
 
 /// From so many on they are shared by several threads.
 const ITEMS_TO_SHARE: usize = 1 << 12;
@@ -127,17 +130,17 @@ impl<T: Scalar> Visibility<T> {
         resize(records, count, Record::default);
         // With their own factors vertices are as large as with a common one, or larger: bounds hold for both.
         let corners = ClipVertices::new(clip, size, Scaling::Own);
-        // Some vertices tell how depths are stored. Records are made anew where all of them tell otherwise, which is
-        // seldom, and where they are multiplied by a common factor: then none is tame.
-        let some = dispatch_256::<T, _>(
+        // A sample of vertices tells how depths are stored. Records are made anew where all of them tell otherwise, which
+        // is seldom, and where they are multiplied by a common factor: then none is tame.
+        let sample = dispatch_256::<T, _>(
             #[inline(always)]
-            || Measures::of_some(&corners),
+            || Measures::from_sample(&corners),
         );
-        let of_some = Filter::new(some.depths, size);
-        let measures = record_all(&corners, &of_some, records);
+        let of_sample = Filter::new(sample.depths, size);
+        let measures = record_all(&corners, &of_sample, records);
         self.scaling = Scaling::new(measures.factors);
         let of_all = Filter::new(measures.depths, size);
-        *filter = match of_all.with_depths_of(&of_some) {
+        *filter = match of_all.with_depths_of(&of_sample) {
             Some(filter) if !matches!(self.scaling, Scaling::Common(_)) => filter,
             _ => {
                 let corners = ClipVertices::new(clip, size, self.scaling);
@@ -323,8 +326,9 @@ fn merge_pieces<'a, I: Send, R: Send>(
     merge: impl FnMut(R) + Send,
 ) {
     let are_shared = is_shared(items.len(), ITEMS_TO_SHARE);
-    let pieces = items.chunks_mut(ITEMS_PER_PIECE).enumerate();
-    let work = |(piece, items)| work(piece * ITEMS_PER_PIECE, items);
+    let per_piece = items.len().div_ceil(PIECES).next_multiple_of(EIGHT).max(ITEMS_PER_PIECE);
+    let pieces = items.chunks_mut(per_piece).enumerate();
+    let work = |(piece, items)| work(piece * per_piece, items);
     merge_each(are_shared, pieces, work, merge);
 }
 
