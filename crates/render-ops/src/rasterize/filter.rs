@@ -21,9 +21,11 @@
 //! `65 eps W H EVEN^2 / 4`, and that of the determinant below `193 eps W H EVEN^2 / 4`, for W x H pixels.
 //!
 //! *Depths* are stored in units of a tolerance, [`RESOLUTION`] of half their range, and are certain where they differ by
-//! more than 1. A sample of vertices tells the middle and the unit: both may be off within bounds (`with_depths_of`). So stored
-//! depths are below 20,000, and four roundings of them take 0.005 of the 0.02 that `blocks` leaves. A pixel with the weights `b_i` has the depth of the plane through the vertices. Where these are off by `d_i`,
-//! it is off by `grad z . sum b_i d_i`, at most half a unit times `|z_x| + |z_y|`; 1.4 times that for pixels that may lie a
+//! more than 1. A sample of vertices tells the middle and the unit: both may be off within bounds (`with_depths_of`).
+//! So stored depths are below 20,000, and four roundings of them take 0.005 of the 0.02 that `blocks` leaves.
+//!
+//! A pixel with the weights `b_i` has the depth of the plane through the vertices. Where these are off by `d_i`, it is
+//! off by `grad z . sum b_i d_i`, at most half a unit times `|z_x| + |z_y|`; 1.4 times that for pixels that may lie a
 //! little outside, since `blocks` asks for an area of 16 bounds. Rounding moves both weights and the area by what it
 //! moves edge functions by, over the area, and sums by less: four times in all, times the range of the depths. `blocks`
 //! asks that the sum is less than 1 / 2.

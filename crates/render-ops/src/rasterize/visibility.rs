@@ -362,6 +362,8 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use bokashi_core::{Tape, Tensor};
     use proptest::prelude::*;
 
@@ -389,6 +391,25 @@ mod tests {
             .collect();
         seen.sort_by(|a, b| a.partial_cmp(b).unwrap());
         seen.into_iter().map(|(_, face)| face).collect()
+    }
+
+    #[test]
+    fn each_item_is_in_one_of_few_pieces_which_are_merged_in_order() {
+        // Less than a piece, a few, and more than the most of the smallest.
+        for count in [0, 100, 5_000, PIECES * ITEMS_PER_PIECE + 1, 200_001] {
+            let (mut items, mut pieces, mut end) = (vec![usize::MAX; count], 0, 0);
+            let work = |first, items: &mut [usize]| {
+                (first..).zip(&mut *items).for_each(|(index, item)| *item = index);
+                first..first + items.len()
+            };
+            let merge = |range: Range<usize>| {
+                assert_eq!(range.start, end);
+                (pieces, end) = (pieces + 1, range.end);
+            };
+            merge_pieces(&mut items, work, merge);
+            assert!(pieces <= PIECES && end == count, "{pieces} pieces of {end} in {count} items");
+            assert!(items.into_iter().eq(0..count));
+        }
     }
 
     /// Vertices before the eye, some near it, and some behind.
