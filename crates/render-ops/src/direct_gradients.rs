@@ -124,14 +124,14 @@ impl<T: Scalar> DirectGradients<'_, T> {
         lane: usize,
         slot: usize,
     ) {
-        let Coverage { mesh, size, centers, .. } = self.coverage;
+        let Coverage { mesh, centers, .. } = self.coverage;
         let face = centers.face(slot);
         let vertices = mesh.faces()[face].map(|vertex| self.clip[vertex as usize]);
         let corners =
             self.indices.faces()[face].map(|vertex| self.attributes[vertex as usize].map(T::widen));
         let slopes = [0, 1].map(|k| [0, 1, 2].map(|c| corners[k][c] - corners[2][c]));
         put(&mut group.vertices, lane, vertices.map(|[x, y, _, w]| [x, y, w]));
-        put(&mut group.origins, lane, [size.center(centers.first_pixel_of(slot))]);
+        group.first_pixels[lane] = centers.first_pixel_of(slot) as u32;
         put(&mut group.slopes, lane, slopes);
         let fragments = centers.fragments_of(slot..slot + 1);
         group.sums_of_faces[lane] = planes.sum(&slopes, fragments);
@@ -220,8 +220,8 @@ type Lanes<S> = [S; LANES];
 struct Group<T: Scalar> {
     /// x, y and w in clip space.
     vertices: [[Lanes<T>; 3]; 3],
-    /// The centre of the face's first pixel.
-    origins: [[Lanes<T::Wide>; 2]; 1],
+    /// The face's first pixel.
+    first_pixels: Lanes<u32>,
     slopes: [[Lanes<T::Wide>; 3]; 2],
     sums: [[Lanes<T::Wide>; 4]; 3],
     /// The same numbers, face by face: put into lanes one by one, they would not be summed in vectors.
@@ -236,16 +236,16 @@ impl<T: Scalar> Group<T> {
     fn new() -> Self {
         let (zero, wide) = ([T::ZERO; LANES], [T::Wide::ZERO; LANES]);
         let (vertices, bars) = ([[zero; 3]; 3], [[zero; 3]; 3]);
-        let (origins, slopes, sums) = ([[wide; 2]], [[wide; 3]; 2], [[wide; 4]; 3]);
+        let (first_pixels, slopes, sums) = ([0; LANES], [[wide; 3]; 2], [[wide; 4]; 3]);
         let sums_of_faces = [[[T::Wide::ZERO; 4]; 3]; LANES];
-        Self { vertices, origins, slopes, sums, sums_of_faces, bars, are_even: [false; LANES] }
+        let are_even = [false; LANES];
+        Self { vertices, first_pixels, slopes, sums, sums_of_faces, bars, are_even }
     }
 
     /// From the sums to the gradients of the positions.
     #[inline(always)]
     fn work_out(&mut self, size: Size) {
-        let Self { vertices, origins: [origins], slopes, sums, sums_of_faces, are_even, bars } =
-            self;
+        let Self { vertices, first_pixels, slopes, sums, sums_of_faces, are_even, bars } = self;
         for lane in 0..LANES {
             put(sums, lane, sums_of_faces[lane]);
         }
@@ -253,7 +253,7 @@ impl<T: Scalar> Group<T> {
             let vertices = vertices.each_ref().map(|[x, y, w]| {
                 Vertex::unscaled([x, y, w].map(|number| number[lane].widen()), size)
             });
-            let origin = [origins[0][lane], origins[1][lane]];
+            let origin = size.center_in_lanes(first_pixels[lane]);
             let face = LocalFace::around(vertices, [T::Wide::ONE; 3], origin);
             let scale = -T::Wide::ONE / face.determinant();
             are_even[lane] = has_even_vertices(&vertices, size);

@@ -406,7 +406,9 @@ fn interpolate_planes<T: Scalar>(
     values: &mut [Plane<T>; 3],
     fragments: Range<usize>,
 ) {
-    for first in fragments.step_by(LANES) {
+    // Not by steps of a range, whose number is a division.
+    let mut first = fragments.start;
+    while first < fragments.end {
         let (us, vs): ([T; LANES], [T; LANES]) = (load(us, first), load(vs, first));
         for c in 0..3 {
             let values: &mut [T; LANES] =
@@ -415,6 +417,7 @@ fn interpolate_planes<T: Scalar>(
                 values[k] = interpolate_at([a0[c], a1[c], a2[c]], [us[k], vs[k]]);
             }
         }
+        first += LANES;
     }
 }
 

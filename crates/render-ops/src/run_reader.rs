@@ -45,12 +45,19 @@ pub(crate) struct RunReader {
     /// How many slots there are, and runs.
     slots: u32,
     count: usize,
-    /// Per slot: the number of its face; with room for as many slots as faces, and one.
-    drawn_of_slot: Vec<u32>,
+    /// Per slot; with room for as many slots as faces, and one. Between bands none has runs.
+    of_slots: Vec<OfSlot>,
     /// What was read, by pixel, without fragments yet; with room for more.
     read: Vec<Run>,
-    /// Per slot: how many runs it has, then where in the order of slots its next run goes. Between bands all are 0.
-    places: Vec<u32>,
+}
+
+/// What is known of a slot while its band is read.
+#[derive(Debug, Clone, Copy, Default)]
+struct OfSlot {
+    /// The number of its face.
+    drawn: u32,
+    /// How many runs it has, then where in the order of slots its next run goes.
+    place: u32,
 }
 
 impl RunReader {
@@ -60,9 +67,8 @@ impl RunReader {
         band.covered.clear();
         (self.slots, self.count) = (0, 0);
         if self.slot_of.len() < faces {
-            self.places.resize(faces, 0);
             self.slot_of.resize(faces, NO_SLOT);
-            self.drawn_of_slot.resize(faces + 1, 0);
+            self.of_slots.resize(faces + 1, OfSlot::default());
         }
     }
 
@@ -80,16 +86,16 @@ impl RunReader {
         if self.read.len() < most {
             self.read.resize(most, Run::default());
         }
-        let Self { slot_of, drawn_of_slot, places, read, slots, count } = self;
+        let Self { slot_of, of_slots, read, slots, count } = self;
+        // Whether the row before ended where this one begins.
+        let before = band.covered.pop_if(|range| range[1] == pixel);
         let mut push = Push {
             slot_of,
-            drawn_of_slot,
-            places,
+            of_slots,
             read: &mut read[..most],
             slots: *slots,
             count: *count,
-            // The range that perhaps goes on.
-            range: band.covered.pop().unwrap_or([pixel; 2]),
+            covered_from: before.map_or(pixel, |range| range[0]),
             covered: &mut band.covered,
         };
         let (before, after) = (&faces[..end - 1], &faces[1..]);
@@ -110,30 +116,30 @@ impl RunReader {
             }
         }
         push.run(faces[start], pixel + start as u32, (end - start) as u32);
-        push.end_range();
+        push.end_range(pixel + end as u32);
         (*slots, *count) = (push.slots, push.count);
     }
 
     /// The numbers of the faces that were seen, slot by slot.
-    pub(crate) fn seen(&self) -> &[u32] {
-        &self.drawn_of_slot[..self.slots as usize]
+    pub(crate) fn seen(&self) -> impl Iterator<Item = u32> + '_ {
+        self.of_slots[..self.slots as usize].iter().map(|slot| slot.drawn)
     }
 
     /// Ends the band: sorts the runs by slot, where those of one slot stay in order. So a face's fragments in the band will
     /// lie side by side. `face_of` has the face of each number.
     #[inline(always)]
     pub(crate) fn end(&mut self, face_of: impl Fn(u32) -> u32, band: &mut BandRuns) {
-        let Self { slot_of, places, .. } = self;
+        let Self { slot_of, of_slots, .. } = self;
         let read = &self.read[..self.count];
-        let drawn_of_slot = &self.drawn_of_slot[..self.slots as usize];
-        drawn_of_slot.iter().for_each(|&drawn| slot_of[drawn as usize] = NO_SLOT);
+        let of_slots = &mut of_slots[..self.slots as usize];
+        of_slots.iter().for_each(|slot| slot_of[slot.drawn as usize] = NO_SLOT);
         let BandRuns { runs, slots, by_pixel, .. } = band;
         slots.clear();
         // A counting sort: counts of runs become the places where each slot's first run goes.
         let mut first_run = 0;
-        slots.extend(drawn_of_slot.iter().zip(&mut *places).map(|(&drawn, position)| {
-            let slot = Slot { face: face_of(drawn), first_run, first_fragment: 0 };
-            first_run += std::mem::replace(position, first_run);
+        slots.extend(of_slots.iter_mut().map(|OfSlot { drawn, place }| {
+            let slot = Slot { face: face_of(*drawn), first_run, first_fragment: 0 };
+            first_run += std::mem::replace(place, first_run);
             slot
         }));
         if runs.len() < read.len() {
@@ -142,26 +148,25 @@ impl RunReader {
         let sorted = &mut runs[..read.len()];
         by_pixel.clear();
         by_pixel.extend(read.iter().map(|run| {
-            let position = &mut places[run.slot as usize];
-            sorted[*position as usize] = *run;
-            *position += 1;
-            RunStart { pixel: run.pixel, run: *position - 1 }
+            let OfSlot { place, .. } = &mut of_slots[run.slot as usize];
+            sorted[*place as usize] = *run;
+            *place += 1;
+            RunStart { pixel: run.pixel, run: *place - 1 }
         }));
-        places[..slots.len()].fill(0);
+        of_slots.iter_mut().for_each(|slot| slot.place = 0);
     }
 }
 
 /// The runs of a row as they are written down. What changes from run to run is kept here, in registers.
 struct Push<'a> {
     slot_of: &'a mut [u32],
-    drawn_of_slot: &'a mut [u32],
-    places: &'a mut [u32],
+    of_slots: &'a mut [OfSlot],
     read: &'a mut [Run],
     /// How many slots there are, and runs.
     slots: u32,
     count: usize,
-    /// The last range of pixels that are covered, and those before it.
-    range: [u32; 2],
+    /// Where the range of covered pixels began that goes on, and the ranges before it.
+    covered_from: u32,
     covered: &'a mut Vec<[u32; 2]>,
 }
 
@@ -170,13 +175,10 @@ impl Push<'_> {
     #[inline(always)]
     fn run(&mut self, drawn: u32, pixel: u32, length: u32) {
         if drawn == NO_FACE {
+            self.end_range(pixel);
+            self.covered_from = pixel + length;
             return;
         }
-        if pixel != self.range[1] {
-            self.end_range();
-            self.range[0] = pixel;
-        }
-        self.range[1] = pixel + length;
         // Slots are numbered as they are seen, so that their order, and with it the order of
         // all sums, does not depend on that of the mesh's faces. Without a branch: whether a face is new can't be
         // foretold.
@@ -184,16 +186,18 @@ impl Push<'_> {
         let is_new = known == NO_SLOT;
         let slot = if is_new { self.slots } else { known };
         self.slot_of[drawn as usize] = slot;
-        self.drawn_of_slot[self.slots as usize] = drawn;
+        self.of_slots[self.slots as usize].drawn = drawn;
         self.slots += u32::from(is_new);
-        self.places[slot as usize] += 1;
+        self.of_slots[slot as usize].place += 1;
         self.read[self.count] = Run { slot, pixel, length, fragment: 0 };
         self.count += 1;
     }
 
-    fn end_range(&mut self) {
-        if self.range[0] < self.range[1] {
-            self.covered.push(self.range);
+    /// Ends the range of covered pixels before `pixel`, if there is one. Inlined, so that registers keep what changes.
+    #[inline(always)]
+    fn end_range(&mut self, pixel: u32) {
+        if self.covered_from < pixel {
+            self.covered.push([self.covered_from, pixel]);
         }
     }
 }

@@ -43,6 +43,17 @@ impl Size {
         [self.center_x(column), self.center_y(row)]
     }
 
+    /// [`Self::center`], for loops that become vectors: these divide numbers with fractions alone.
+    #[inline(always)]
+    pub(crate) fn center_in_lanes<S: Scalar>(self, pixel: u32) -> [S; 2] {
+        let (pixel, [width, height]) =
+            (f64::from(pixel), [extent(self.width), extent(self.height)]);
+        // Far fewer digits than there are: the quotient is not rounded up to the next row.
+        let row = (pixel / width).floor();
+        let column = pixel - row * width;
+        [S::from_f64(2.0 * column + 1.0 - width), S::from_f64(height - (2.0 * row + 1.0))]
+    }
+
     /// The width and the height as numbers.
     #[inline(always)]
     pub(crate) fn extents<S: Scalar>(self) -> [S; 2] {

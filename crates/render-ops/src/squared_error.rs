@@ -46,28 +46,27 @@ struct SquaredError<T: Scalar> {
     loss: PixelLoss<T>,
 }
 
-/// Entries that are subtracted at once.
+/// Entries that are copied at once.
 const AT_ONCE: usize = 24;
 
-/// `x - r` for the first `length` entries. What it writes after them means nothing: most runs are
+/// Copies the first `length` entries. What it writes after them means nothing: most runs are
 /// short, and one or two blocks of entries take less time than as many as there are.
 #[inline(always)]
-fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
+fn copy<T: Scalar>(length: usize, target: &mut [T], source: &[T]) {
     let mut done = 0;
     for _ in 0..2 {
         if done < length
-            && let (Some(differences), Some(x), Some(r)) = (
-                differences[done..].first_chunk_mut::<AT_ONCE>(),
-                x[done..].first_chunk::<AT_ONCE>(),
-                r[done..].first_chunk::<AT_ONCE>(),
+            && let (Some(target), Some(source)) = (
+                target[done..].first_chunk_mut::<AT_ONCE>(),
+                source[done..].first_chunk::<AT_ONCE>(),
             )
         {
-            *differences = std::array::from_fn(|k| x[k] - r[k]);
+            *target = *source;
             done += AT_ONCE;
         }
     }
-    for k in done..length {
-        differences[k] = x[k] - r[k];
+    if done < length {
+        target[done..length].copy_from_slice(&source[done..length]);
     }
 }
 
@@ -97,25 +96,31 @@ const SHORT: usize = 16;
 /// Partial sums, so that additions overlap.
 const PARTS: usize = 16;
 
-/// The sum of the squares of differences; doubles these.
+/// Writes `2 (x - r)` where r was; returns the sum of the squares of `x - r`.
 #[inline(always)]
-fn sum_squares_and_double<T: Scalar>(differences: &mut [T]) -> T::Wide {
+fn subtract<T: Scalar>(x: &[T], r: &mut [T]) -> T::Wide {
     let (mut parts, two) = ([T::Wide::ZERO; PARTS], T::from_f64(2.0));
-    let (whole, rest) = differences.as_chunks_mut::<PARTS>();
-    for differences in whole {
-        // Widened by a loop of its own: the compiler takes vectors of sums apart otherwise.
-        let mut wide = [T::Wide::ZERO; PARTS];
+    let ((x, x_rest), (r, r_rest)) = (x.as_chunks::<PARTS>(), r.as_chunks_mut::<PARTS>());
+    for (x, r) in x.iter().zip(r) {
+        // A loop for each: the compiler takes vectors of sums apart otherwise.
+        let (mut differences, mut wide) = ([T::ZERO; PARTS], [T::Wide::ZERO; PARTS]);
+        for part in 0..PARTS {
+            differences[part] = x[part] - r[part];
+        }
         for part in 0..PARTS {
             wide[part] = differences[part].widen();
         }
         for part in 0..PARTS {
             parts[part] += wide[part] * wide[part];
         }
-        differences.iter_mut().for_each(|difference| *difference *= two);
+        for part in 0..PARTS {
+            r[part] = differences[part] * two;
+        }
     }
-    for (part, difference) in parts.iter_mut().zip(rest) {
+    for (part, (&x, r)) in parts.iter_mut().zip(x_rest.iter().zip(r_rest)) {
+        let difference = x - *r;
         *part += difference.widen() * difference.widen();
-        *difference *= two;
+        *r = difference * two;
     }
     parts.into_iter().sum()
 }
@@ -153,10 +158,10 @@ impl<T: Scalar> SquaredError<T> {
                     for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
-                        subtract(length, &mut covered[start..], &x[start..], reference);
+                        copy(length, &mut covered[start..], reference);
                         start += length;
                     }
-                    sum_squares_and_double(covered)
+                    subtract(x, covered)
                 },
             )
         };

@@ -123,7 +123,9 @@ impl SmallFaces {
         let columns = EIGHT * self.blocks[k] as usize;
         plane.reach_by_small([first, first + columns]);
         let (stride, rows) = (plane.stride, bottom + 1 - top);
-        let (depths, faces) = (&mut plane.depths[..], &mut plane.faces[..]);
+        // Of one length, which is looked at once.
+        let length = plane.depths.len();
+        let (depths, faces) = (&mut plane.depths[..length], &mut plane.faces[..length]);
         let [mut from_start, mut x_slopes, mut y_slopes] = [[simd.splat_f32s(0.0); 4]; 3];
         for (i, [one, x, y]) in self.lines.iter().enumerate() {
             from_start[i] = simd.splat_f32s(one[k]);
@@ -134,13 +136,15 @@ impl SmallFaces {
         let number = simd.splat_u32s(number);
         let mut closest = simd.splat_f32s(f32::INFINITY);
         let mut x = first_lanes(simd);
-        for column in (0..columns).step_by(V::F32_LANES) {
+        let mut column = 0;
+        while column < columns {
             let mut starts = from_start;
             for i in 0..4 {
                 starts[i] = simd.mul_add_e_f32s(x_slopes[i], x, from_start[i]);
             }
             x = simd.add_f32s(x, simd.splat_f32s(V::F32_LANES as f32));
             let mut pixel = (top as usize - band_top) * stride + first + column;
+            column += V::F32_LANES;
             let mut y = simd.splat_f32s(0.0);
             for _ in 0..rows {
                 let within = pixel..pixel + V::F32_LANES;

@@ -278,7 +278,7 @@ impl<T: Scalar> Canvas<T> {
         }
         plane.reached_by_small = [usize::MAX, 0];
         of_slots.clear();
-        of_slots.extend(reader.seen().iter().map(|&drawn| were_settled[drawn as usize]));
+        of_slots.extend(reader.seen().map(|drawn| were_settled[drawn as usize]));
         reader.end(|drawn| faces[drawn as usize], seen);
     }
 }
