@@ -11,7 +11,7 @@ use bokashi_core::{Scalar, TensorError};
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
 use crate::fetch::fetch_all;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Silhouettes};
 use crate::run_reader::{BandRuns, RunReader, RunStart};
 use crate::runs::{Run, Runs, rows_per_band};
 use crate::size::Size;
@@ -427,10 +427,10 @@ impl Coverage {
         fetch_all(self.centers.in_slots(slots), |run| run.pixel);
     }
 
-    /// The silhouettes of a face as the mesh is seen, a bit for the corner that each edge faces.
+    /// The silhouettes of the mesh as it is seen.
     #[inline(always)]
-    pub(crate) fn silhouettes_of(&self, face: usize) -> u8 {
-        self.mesh.silhouettes_of(face, |face| self.orientations[face])
+    pub(crate) fn silhouettes(&self) -> Silhouettes<'_> {
+        self.mesh.silhouettes(&self.orientations)
     }
 
     /// Calls `visit` with the uncovered pixels, as ranges, but for those of `blended`, which are
@@ -473,7 +473,48 @@ impl Coverage {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
     use crate::fixtures::many_faces;
+
+    proptest! {
+        #[test]
+        fn covered_pixels_are_the_longest_ranges_of_each_band(
+            width in prop::sample::select(vec![1_usize, 2, 3, 31, 32, 33, 64, 65, 1000]),
+            extra_rows in 0_usize..20,
+            // Of some rows that come again and again: whether they begin, go on, and end with a gap.
+            gaps in prop::collection::vec(any::<[bool; 3]>(), 1..6),
+        ) {
+            let mesh = Mesh::new(vec![[0, 1, 2]; 3], 3).unwrap();
+            // Two bands, or a few rows.
+            let tall = rows_per_band(Size { width, height: usize::MAX }) + extra_rows;
+            for height in [1 + extra_rows, tall] {
+                let size = Size { width, height };
+                let ids: Vec<u32> = (0..size.pixels())
+                    .map(|pixel| {
+                        let [row, column] = [pixel / width, pixel % width];
+                        let [begins, goes_on, ends] = gaps[row % gaps.len()];
+                        let is_gap = (begins && column == 0)
+                            || (goes_on && column % 5 == 2)
+                            || (ends && column + 1 == width);
+                        if is_gap { 0 } else { 1 + (pixel / 3 % 3) as u32 }
+                    })
+                    .collect();
+                let coverage = Coverage::from_ids(&mesh, size, &ids).unwrap();
+                let mut expected: Vec<[u32; 2]> = Vec::new();
+                for (pixel, _) in (0_u32..).zip(&ids).filter(|(_, id)| **id > 0) {
+                    let begins_band = (pixel as usize).is_multiple_of(rows_per_band(size) * width);
+                    match expected.last_mut() {
+                        Some([_, end]) if *end == pixel && !begins_band => *end += 1,
+                        _ => expected.push([pixel, pixel + 1]),
+                    }
+                }
+                prop_assert_eq!(&coverage.covered, &expected);
+                prop_assert_eq!(coverage.triangle_ids(), ids);
+            }
+        }
+    }
 
     #[test]
     fn each_fragment_has_one_pixel_and_each_covered_pixel_one_fragment() {

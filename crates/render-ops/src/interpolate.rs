@@ -406,7 +406,7 @@ fn interpolate_planes<T: Scalar>(
     values: &mut [Plane<T>; 3],
     fragments: Range<usize>,
 ) {
-    // Not by steps of a range, whose number is a division.
+    // A range with steps would divide to count them.
     let mut first = fragments.start;
     while first < fragments.end {
         let (us, vs): ([T; LANES], [T; LANES]) = (load(us, first), load(vs, first));

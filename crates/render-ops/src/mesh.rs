@@ -166,20 +166,11 @@ impl Mesh {
         self.seams.get(face).copied().unwrap_or_default()
     }
 
-    /// The edges of a face at which the surface ends, or turns away: a bit for the corner that each faces.
-    /// `orientation` gives the sign of a face's area as it is seen, or 0 for a face that covers
-    /// nothing. The surface ends where no face lies beyond the edge. It turns away where both faces
-    /// lie on the same side of the edge in the image. A face seen edge-on, to within rounding, covers
-    /// neither side, and neither does a culled face. So the other face ends there, too.
+    /// Where the surface ends or turns away, as it is seen. Per face `orientations` has the sign of its area, or 0 for a
+    /// face that covers nothing.
     #[inline(always)]
-    pub(crate) fn silhouettes_of(&self, face: usize, orientation: impl Fn(usize) -> i8) -> u8 {
-        let own = orientation(face);
-        let bit = |neighbor: &Option<Neighbor>| {
-            neighbor.is_none_or(|neighbor| neighbor.is_turned(own, orientation(neighbor.face())))
-        };
-        // Not by `map`, which would be a call.
-        let [a, b, c] = self.adjacency().neighbors(face);
-        u8::from(bit(a)) | u8::from(bit(b)) << 1 | u8::from(bit(c)) << 2
+    pub(crate) fn silhouettes<'a>(&'a self, orientations: &'a [i8]) -> Silhouettes<'a> {
+        Silhouettes { neighbors: &self.adjacency().neighbors, orientations }
     }
 
     /// The vertex indices of each face.
@@ -261,6 +252,34 @@ impl Neighbor {
     pub(crate) fn is_turned(self, orientation: i8, other: i8) -> bool {
         let product = orientation * other;
         if self.is_opposite() { product <= 0 } else { product >= 0 }
+    }
+}
+
+/// The edges at which a surface ends, or turns away.
+///
+/// It ends where no face lies beyond the edge. It turns away where both faces lie on the same side of the edge in the
+/// image. A face seen edge-on, to within rounding, covers neither side, and neither does a culled face. So the other
+/// face ends there, too.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Silhouettes<'a> {
+    /// Per face, as in [`Adjacency`].
+    neighbors: &'a [[Option<Neighbor>; 3]],
+    /// See [`Mesh::silhouettes`].
+    orientations: &'a [i8],
+}
+
+impl Silhouettes<'_> {
+    /// Those of a face: a bit for the corner that each faces.
+    #[inline(always)]
+    pub(crate) fn of(&self, face: usize) -> u8 {
+        let own = self.orientations[face];
+        let bit = |neighbor: &Option<Neighbor>| {
+            neighbor
+                .is_none_or(|neighbor| neighbor.is_turned(own, self.orientations[neighbor.face()]))
+        };
+        // Not by `map`, which would be a call.
+        let [a, b, c] = &self.neighbors[face];
+        u8::from(bit(a)) | u8::from(bit(b)) << 1 | u8::from(bit(c)) << 2
     }
 }
 

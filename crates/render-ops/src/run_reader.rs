@@ -87,15 +87,15 @@ impl RunReader {
             self.read.resize(most, Run::default());
         }
         let Self { slot_of, of_slots, read, slots, count } = self;
-        // Whether the row before ended where this one begins.
-        let before = band.covered.pop_if(|range| range[1] == pixel);
+        // The last range goes on if it ends where these pixels begin.
+        let last = band.covered.pop_if(|range| range[1] == pixel);
         let mut push = Push {
             slot_of,
             of_slots,
             read: &mut read[..most],
             slots: *slots,
             count: *count,
-            covered_from: before.map_or(pixel, |range| range[0]),
+            covered_from: last.map_or(pixel, |range| range[0]),
             covered: &mut band.covered,
         };
         let (before, after) = (&faces[..end - 1], &faces[1..]);
@@ -165,8 +165,9 @@ struct Push<'a> {
     /// How many slots there are, and runs.
     slots: u32,
     count: usize,
-    /// Where the range of covered pixels began that goes on, and the ranges before it.
+    /// The current range of covered pixels begins here; right after a gap it is empty.
     covered_from: u32,
+    /// The ranges before it.
     covered: &'a mut Vec<[u32; 2]>,
 }
 

@@ -43,12 +43,12 @@ impl Size {
         [self.center_x(column), self.center_y(row)]
     }
 
-    /// [`Self::center`], for loops that become vectors: these divide numbers with fractions alone.
+    /// [`Self::center`], for loops that become vectors, which cannot divide whole numbers.
     #[inline(always)]
     pub(crate) fn center_in_lanes<S: Scalar>(self, pixel: u32) -> [S; 2] {
         let (pixel, [width, height]) =
             (f64::from(pixel), [extent(self.width), extent(self.height)]);
-        // Far fewer digits than there are: the quotient is not rounded up to the next row.
+        // A pixel has 32 bits and the quotient 53, so it is never rounded up to the next row.
         let row = (pixel / width).floor();
         let column = pixel - row * width;
         [S::from_f64(2.0 * column + 1.0 - width), S::from_f64(height - (2.0 * row + 1.0))]
@@ -99,5 +99,19 @@ mod tests {
         let ys: Vec<f64> = (0..3).map(|row| size.center_y(row)).collect();
         assert_eq!(xs, [-3.0, -1.0, 1.0, 3.0]);
         assert_eq!(ys, [2.0, 0.0, -2.0]);
+    }
+
+    #[test]
+    fn centres_in_lanes_are_the_same_at_both_ends_of_rows() {
+        for width in [1, 2, 3, 5, 7, 1000, 1023, 65_535, 65_537, 1 << 20, u32::MAX as usize / 3] {
+            let rows = (u32::MAX as usize - 1) / width;
+            let size = Size { width, height: rows };
+            let of_rows = [0, 1, 2, rows / 3, rows / 2 + 1, rows - 1].map(|row| row.min(rows - 1));
+            let ends = of_rows.map(|row| [row * width, row * width + width - 1]);
+            for pixel in ends.into_iter().flatten() {
+                let expected: [f64; 2] = size.center(pixel);
+                assert_eq!(size.center_in_lanes(pixel as u32), expected, "{pixel} of {size}");
+            }
+        }
     }
 }

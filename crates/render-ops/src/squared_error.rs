@@ -52,7 +52,7 @@ const AT_ONCE: usize = 24;
 /// Copies the first `length` entries. What it writes after them means nothing: most runs are
 /// short, and one or two blocks of entries take less time than as many as there are.
 #[inline(always)]
-fn copy<T: Scalar>(length: usize, target: &mut [T], source: &[T]) {
+fn copy_run<T: Scalar>(length: usize, source: &[T], target: &mut [T]) {
     let mut done = 0;
     for _ in 0..2 {
         if done < length
@@ -102,7 +102,7 @@ fn subtract<T: Scalar>(x: &[T], r: &mut [T]) -> T::Wide {
     let (mut parts, two) = ([T::Wide::ZERO; PARTS], T::from_f64(2.0));
     let ((x, x_rest), (r, r_rest)) = (x.as_chunks::<PARTS>(), r.as_chunks_mut::<PARTS>());
     for (x, r) in x.iter().zip(r) {
-        // A loop for each: the compiler takes vectors of sums apart otherwise.
+        // Each step has a loop of its own: the compiler takes vectors of sums apart otherwise.
         let (mut differences, mut wide) = ([T::ZERO; PARTS], [T::Wide::ZERO; PARTS]);
         for part in 0..PARTS {
             differences[part] = x[part] - r[part];
@@ -158,7 +158,7 @@ impl<T: Scalar> SquaredError<T> {
                     for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
-                        copy(length, &mut covered[start..], reference);
+                        copy_run(length, reference, &mut covered[start..]);
                         start += length;
                     }
                     subtract(x, covered)
@@ -242,5 +242,25 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
 
     fn saved_bytes(&self, SavedSlopes { slopes, .. }: &Self::Saved) -> usize {
         size_of_val(slopes.as_deref().unwrap_or_default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_is_copied_whole_whatever_lies_behind_it() {
+        for length in 0..=60 {
+            for more in
+                [[0, 0], [0, 100], [100, 0], [1, 23], [23, 24], [24, 23], [47, 48], [100, 100]]
+            {
+                let [source_length, target_length] = more.map(|more| length + more);
+                let source: Vec<f32> = (0..source_length).map(|k| 1.0 + k as f32).collect();
+                let mut target = vec![0.0; target_length];
+                copy_run(length, &source, &mut target);
+                assert_eq!(target[..length], source[..length], "{length} {more:?}");
+            }
+        }
     }
 }

@@ -123,7 +123,7 @@ impl SmallFaces {
         let columns = EIGHT * self.blocks[k] as usize;
         plane.reach_by_small([first, first + columns]);
         let (stride, rows) = (plane.stride, bottom + 1 - top);
-        // Of one length, which is looked at once.
+        // Both have one length, so that bounds are checked once.
         let length = plane.depths.len();
         let (depths, faces) = (&mut plane.depths[..length], &mut plane.faces[..length]);
         let [mut from_start, mut x_slopes, mut y_slopes] = [[simd.splat_f32s(0.0); 4]; 3];
@@ -136,6 +136,7 @@ impl SmallFaces {
         let number = simd.splat_u32s(number);
         let mut closest = simd.splat_f32s(f32::INFINITY);
         let mut x = first_lanes(simd);
+        // A range with steps would divide to count them.
         let mut column = 0;
         while column < columns {
             let mut starts = from_start;

@@ -347,7 +347,7 @@ pub(super) const HALF_EPSILON: f32 = 0.5 * f32::EPSILON;
 #[inline(always)]
 pub(super) fn first_lanes<V: Simd>(_: V) -> V::f32s {
     const LANES: Eight<f32> = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-    // Not as a part of a vector, which is loaded by a jump.
+    // A partial load would take a jump.
     V::as_simd_f32s(&LANES).0[0]
 }
 

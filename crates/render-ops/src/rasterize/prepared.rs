@@ -9,7 +9,7 @@ use super::culling::Touched;
 use super::filter::{EIGHT, Filter, Octet, Record};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Silhouettes};
 use crate::raster_options::{Limits, Sampling};
 use crate::size::Size;
 
@@ -48,10 +48,10 @@ pub(super) struct Prepared<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
-    /// [`Mesh::silhouettes_of`], as the mesh is seen.
+    /// The silhouettes of the mesh as it is seen.
     #[inline(always)]
-    pub(super) fn silhouettes_of(&self, face: usize) -> u8 {
-        self.mesh.silhouettes_of(face, |face| self.orientations[face])
+    pub(super) fn silhouettes(&self) -> Silhouettes<'_> {
+        self.mesh.silhouettes(self.orientations)
     }
 
     /// A face before its pixels are visited one by one.

@@ -65,7 +65,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
         let Self { marks, stripes, face_bits, planes, .. } = self;
-        let adjacency = view.mesh.adjacency();
+        let (adjacency, silhouettes) = (view.mesh.adjacency(), view.silhouettes());
         marks.clear(band.rows.len(), view.size.width);
         stripes.clear();
         stripes.extend(band.stripes(stripe_shift(view.size.width)));
@@ -74,7 +74,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         face_bits.extend((0..).zip(band.faces).map(
             #[inline(always)]
             |(index, &face)| {
-                let outline = FaceBits::from(view.silhouettes_of(face as usize));
+                let outline = FaceBits::from(silhouettes.of(face as usize));
                 let seams = FaceBits::from(view.mesh.seams_of(face as usize));
                 let marked = outline | seams;
                 let is_beyond = band.is_beyond_depths(index);
