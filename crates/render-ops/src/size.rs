@@ -110,7 +110,8 @@ mod tests {
             let ends = of_rows.map(|row| [row * width, row * width + width - 1]);
             for pixel in ends.into_iter().flatten() {
                 let expected: [f64; 2] = size.center(pixel);
-                assert_eq!(size.center_in_lanes(pixel as u32), expected, "{pixel} of {size}");
+                let found = size.center_in_lanes::<f64>(pixel as u32);
+                assert_eq!(found, expected, "{pixel} of {size}");
             }
         }
     }

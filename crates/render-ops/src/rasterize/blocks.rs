@@ -106,6 +106,18 @@ impl SmallFaces {
         })
     }
 
+    /// The coefficients of 1, X and Y of the `k`-th, of each edge function and of the depth.
+    #[inline(always)]
+    fn coefficients<V: Simd>(&self, simd: V, k: usize) -> [[V::f32s; 4]; 3] {
+        let mut coefficients = [[simd.splat_f32s(0.0); 4]; 3];
+        for (i, line) in self.lines.iter().enumerate() {
+            for c in 0..3 {
+                coefficients[c][i] = simd.splat_f32s(line[c][k]);
+            }
+        }
+        coefficients
+    }
+
     /// Draws the `k`-th into a band's plane, whose first row is `band_top`: where it is surely nearer than what is there,
     /// `number` takes its place. Returns whether some pixel is in doubt: none of these is drawn.
     #[inline(always)]
@@ -126,12 +138,7 @@ impl SmallFaces {
         // Both have one length, so that bounds are checked once.
         let length = plane.depths.len();
         let (depths, faces) = (&mut plane.depths[..length], &mut plane.faces[..length]);
-        let [mut from_start, mut x_slopes, mut y_slopes] = [[simd.splat_f32s(0.0); 4]; 3];
-        for (i, [one, x, y]) in self.lines.iter().enumerate() {
-            from_start[i] = simd.splat_f32s(one[k]);
-            x_slopes[i] = simd.splat_f32s(x[k]);
-            y_slopes[i] = simd.splat_f32s(y[k]);
-        }
+        let [from_start, x_slopes, y_slopes] = self.coefficients(simd, k);
         let (advantage, one) = (simd.splat_f32s(advantage), simd.splat_f32s(1.0));
         let number = simd.splat_u32s(number);
         let mut closest = simd.splat_f32s(f32::INFINITY);
