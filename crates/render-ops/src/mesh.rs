@@ -269,9 +269,9 @@ pub(crate) struct Silhouettes<'a> {
 }
 
 impl Silhouettes<'_> {
-    /// Those of a face: a bit for the corner that each faces.
+    /// Finds those of a face: a bit for the corner that each faces.
     #[inline(always)]
-    pub(crate) fn of(&self, face: usize) -> u8 {
+    pub(crate) fn find(&self, face: usize) -> u8 {
         let own = self.orientations[face];
         let bit = |neighbor: &Option<Neighbor>| {
             neighbor

@@ -89,7 +89,7 @@ impl<T: Scalar> Search<'_, T> {
         let (mut folded, mut count) = ([(0, 0); AT_ONCE], 0);
         let all_silhouettes = coverage.silhouettes();
         for slot in slots {
-            let silhouettes = all_silhouettes.of(coverage.centers.face(slot));
+            let silhouettes = all_silhouettes.find(coverage.centers.face(slot));
             folded[count] = (slot, silhouettes);
             count += usize::from(silhouettes != 0);
         }
@@ -173,7 +173,7 @@ impl<T: Scalar> Search<'_, T> {
             }
             let [row, column] = pair.other_pixel();
             other_fragment = run.fragment + (row * width + column - run.pixel);
-            is_outlined = coverage.silhouettes().of(other) != 0;
+            is_outlined = coverage.silhouettes().find(other) != 0;
         }
         // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
         // silhouettes, then the others.

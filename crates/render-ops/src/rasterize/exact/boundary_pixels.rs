@@ -74,7 +74,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         face_bits.extend((0..).zip(band.faces).map(
             #[inline(always)]
             |(index, &face)| {
-                let outline = FaceBits::from(silhouettes.of(face as usize));
+                let outline = FaceBits::from(silhouettes.find(face as usize));
                 let seams = FaceBits::from(view.mesh.seams_of(face as usize));
                 let marked = outline | seams;
                 let is_beyond = band.is_beyond_depths(index);
