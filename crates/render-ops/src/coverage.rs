@@ -11,7 +11,7 @@ use bokashi_core::{Scalar, TensorError};
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
 use crate::fetch::fetch_all;
-use crate::mesh::{Mesh, Silhouettes};
+use crate::mesh::{Mesh, SilhouetteEdges};
 use crate::run_reader::{BandRuns, RunReader, RunStart};
 use crate::runs::{Run, Runs, rows_per_band};
 use crate::size::Size;
@@ -427,10 +427,10 @@ impl Coverage {
         fetch_all(self.centers.in_slots(slots), |run| run.pixel);
     }
 
-    /// The silhouettes of the mesh as it is seen.
+    /// The silhouette edges of the mesh as it is seen.
     #[inline(always)]
-    pub(crate) fn silhouettes(&self) -> Silhouettes<'_> {
-        self.mesh.silhouettes(&self.orientations)
+    pub(crate) fn silhouette_edges(&self) -> SilhouetteEdges<'_> {
+        self.mesh.silhouette_edges(&self.orientations)
     }
 
     /// Calls `visit` with the uncovered pixels, as ranges, but for those of `blended`, which are

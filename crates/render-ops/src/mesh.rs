@@ -169,8 +169,8 @@ impl Mesh {
     /// Where the surface ends or turns away, as it is seen. Per face `orientations` has the sign of its area, or 0 for a
     /// face that covers nothing.
     #[inline(always)]
-    pub(crate) fn silhouettes<'a>(&'a self, orientations: &'a [i8]) -> Silhouettes<'a> {
-        Silhouettes { neighbors: &self.adjacency().neighbors, orientations }
+    pub(crate) fn silhouette_edges<'a>(&'a self, orientations: &'a [i8]) -> SilhouetteEdges<'a> {
+        SilhouetteEdges { neighbors: &self.adjacency().neighbors, orientations }
     }
 
     /// The vertex indices of each face.
@@ -261,14 +261,14 @@ impl Neighbor {
 /// image. A face seen edge-on, to within rounding, covers neither side, and neither does a culled face. So the other
 /// face ends there, too.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Silhouettes<'a> {
+pub(crate) struct SilhouetteEdges<'a> {
     /// Per face, as in [`Adjacency`].
     neighbors: &'a [[Option<Neighbor>; 3]],
-    /// See [`Mesh::silhouettes`].
+    /// See [`Mesh::silhouette_edges`].
     orientations: &'a [i8],
 }
 
-impl Silhouettes<'_> {
+impl SilhouetteEdges<'_> {
     /// Finds those of a face: a bit for the corner that each faces.
     #[inline(always)]
     pub(crate) fn find(&self, face: usize) -> u8 {

@@ -87,9 +87,9 @@ impl<T: Scalar> Search<'_, T> {
         }
         // Put on the list without a branch, which nobody could foretell.
         let (mut folded, mut count) = ([(0, 0); AT_ONCE], 0);
-        let all_silhouettes = coverage.silhouettes();
+        let edges = coverage.silhouette_edges();
         for slot in slots {
-            let silhouettes = all_silhouettes.find(coverage.centers.face(slot));
+            let silhouettes = edges.find(coverage.centers.face(slot));
             folded[count] = (slot, silhouettes);
             count += usize::from(silhouettes != 0);
         }
@@ -173,7 +173,7 @@ impl<T: Scalar> Search<'_, T> {
             }
             let [row, column] = pair.other_pixel();
             other_fragment = run.fragment + (row * width + column - run.pixel);
-            is_outlined = coverage.silhouettes().find(other) != 0;
+            is_outlined = coverage.silhouette_edges().find(other) != 0;
         }
         // Row by row from the top: pairs beside each other, then those whose upper pixel sees a face with
         // silhouettes, then the others.

@@ -9,7 +9,7 @@ use super::culling::Touched;
 use super::filter::{EIGHT, Filter, Octet, Record};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
-use crate::mesh::{Mesh, Silhouettes};
+use crate::mesh::{Mesh, SilhouetteEdges};
 use crate::raster_options::{Limits, Sampling};
 use crate::size::Size;
 
@@ -48,10 +48,10 @@ pub(super) struct Prepared<'a, T: Scalar> {
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {
-    /// The silhouettes of the mesh as it is seen.
+    /// The silhouette edges of the mesh as it is seen.
     #[inline(always)]
-    pub(super) fn silhouettes(&self) -> Silhouettes<'_> {
-        self.mesh.silhouettes(self.orientations)
+    pub(super) fn silhouette_edges(&self) -> SilhouetteEdges<'_> {
+        self.mesh.silhouette_edges(self.orientations)
     }
 
     /// A face before its pixels are visited one by one.

@@ -65,7 +65,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
         let Self { marks, stripes, face_bits, planes, .. } = self;
-        let (adjacency, silhouettes) = (view.mesh.adjacency(), view.silhouettes());
+        let (adjacency, silhouettes) = (view.mesh.adjacency(), view.silhouette_edges());
         marks.clear(band.rows.len(), view.size.width);
         stripes.clear();
         stripes.extend(band.stripes(stripe_shift(view.size.width)));
