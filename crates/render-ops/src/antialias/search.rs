@@ -225,4 +225,29 @@ mod tests {
         };
         assert_eq!(numbers(&together), numbers(&alone));
     }
+
+    /// Borders of two faces that share no vertices, as layers of a flat drawing have them: at a depth that no product rounds.
+    #[test]
+    fn of_faces_at_one_depth_the_first_pixels_blends() {
+        let count = 40;
+        let corners = (0..count).flat_map(|k| {
+            let at = |phase: f64| 0.05 * (2.4 * k as f64 + phase).sin();
+            let (x, y) = (-0.9 + 0.2 * (k % 10) as f64, -0.8 + 0.5 * (k / 10) as f64);
+            let ([top, bottom], side) = ([[x + at(0.0), y + 0.2], [x + at(1.0), y - 0.2]], 0.09);
+            [top, bottom, [x - side, y + at(2.0)], bottom, top, [x + side, y + at(3.0)]]
+        });
+        let clip = corners.flat_map(|[x, y]| [x, y, 0.5, 1.0]).collect();
+        let clip = Tensor::<f64>::new([6 * count, 4], clip).unwrap();
+        let faces = (0..2 * count as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let mesh = Mesh::new(faces, 6 * count).unwrap();
+        let tape = Tape::<f64>::new();
+        let fragments = rasterize(tape.leaf(&clip), &mesh, Size { width: 90, height: 80 }).unwrap();
+        let (coverage, candidates) = (&*fragments.coverage, &Workbench::default());
+        let search = Search { coverage, clip: clip.data(), candidates };
+        let mut found = Vec::new();
+        search.find(0..coverage.centers.slots.len(), &mut found);
+        let of_borders = found.iter().filter(|found| !found.fragments.contains(&MISSING));
+        assert!(of_borders.clone().count() > 4 * count);
+        assert!(of_borders.into_iter().all(|found| found.blend.covers_first));
+    }
 }
