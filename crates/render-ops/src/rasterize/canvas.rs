@@ -162,7 +162,7 @@ impl<T: Scalar> Canvas<T> {
             for first in (0..faces.len()).step_by(EIGHT) {
                 let of_lane = |k: usize| faces[(first + k).min(faces.len() - 1)] as usize;
                 let eight = std::array::from_fn(|k| view.mesh.faces()[of_lane(k)]);
-                let octet = Octet::gather(view.records, eight);
+                let octet = Octet::gather(simd, view.records, eight);
                 let small = SmallFaces::new(&view.filter, &octet, view.size, band);
                 for k in 0..EIGHT.min(faces.len() - first) {
                     let number = (first + k) as u32;
@@ -239,13 +239,7 @@ impl<T: Scalar> Canvas<T> {
         let Self { search, reaches, slot_of, .. } = self;
         let Band { pieces, piece_fragments, .. } = band;
         let first = rows.start * view.size.width;
-        dispatch_256::<T, _>(
-            #[inline(always)]
-            || {
-                view.find_reaches(faces, reaches);
-                search.run(&BandFaces { view, rows, faces, reaches }, pieces);
-            },
-        );
+        dispatch_256::<T, _>(FindPieces { view, rows, faces, reaches, search, pieces });
         piece_fragments.sort(pieces, faces, slot_of);
         let Plane { faces: stored, stride, .. } = &mut self.plane;
         for &pixel in &pieces.pixels {
@@ -280,6 +274,27 @@ impl<T: Scalar> Canvas<T> {
         of_slots.clear();
         of_slots.extend(reader.seen().map(|drawn| were_settled[drawn as usize]));
         reader.end(|drawn| faces[drawn as usize], seen);
+    }
+}
+
+/// The work of finding the pieces of a band. As [`Draw`], it is not a closure.
+struct FindPieces<'a, T: Scalar> {
+    view: &'a Prepared<'a, T>,
+    rows: Range<usize>,
+    faces: &'a [u32],
+    reaches: &'a mut Vec<Reach>,
+    search: &'a mut BoundarySearch<T::Wide>,
+    pieces: &'a mut Pieces<T::Wide>,
+}
+
+impl<T: Scalar> pulp::WithSimd for FindPieces<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, simd: V) {
+        let Self { view, rows, faces, reaches, search, pieces } = self;
+        view.find_reaches(simd, faces, reaches);
+        search.run(&BandFaces { view, rows, faces, reaches }, pieces);
     }
 }
 

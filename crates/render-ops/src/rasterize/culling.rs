@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
+use pulp::Simd;
 
 use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, touched};
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
@@ -199,7 +200,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<V: pulp::Simd>(self, _: V) {
+    fn with_simd<V: pulp::Simd>(self, simd: V) {
         let Self { rules, faces, first, orientations, judged } = self;
         judged.culled = Culled::default();
         judged.reaches_behind = false;
@@ -207,14 +208,32 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
         let mut listed = std::mem::take(&mut judged.listed);
         resize(&mut listed, faces.len() + EIGHT, Listed::default);
         let (mut count, mut facing) = (0, [0; EIGHT]);
-        let blocks = faces.chunks(EIGHT).zip(orientations.chunks_mut(EIGHT));
+        let (eights, rest) = faces.as_chunks::<EIGHT>();
+        // Where there are fewer, the last one takes part several times.
+        let last = rest.last().map(|&last| {
+            let mut eight = [last; EIGHT];
+            eight[..rest.len()].copy_from_slice(rest);
+            eight
+        });
+        let blocks = eights.iter().chain(&last).zip(orientations.chunks_mut(EIGHT));
         for (first, (faces, orientations)) in (first as u32..).step_by(EIGHT).zip(blocks) {
-            let mut eight = rules.judge_eight(faces);
-            if eight.has_doubt {
-                rules.settle(&mut eight, faces, judged);
+            let mut eight = rules.judge_eight(simd, faces);
+            let own = orientations.len();
+            if own < EIGHT {
+                eight.are_listed[own..].fill(0);
+                eight.are_away[own..].fill(0);
             }
-            orientations.copy_from_slice(&eight.orientations[..faces.len()]);
-            facing = std::array::from_fn(|k| facing[k] + eight.are_away[k]);
+            if eight.has_doubt {
+                rules.settle(&mut eight, &faces[..own], judged);
+            }
+            let narrow = |to: &mut [i8]| {
+                to.iter_mut().zip(eight.orientations).for_each(|(to, turn)| *to = turn as i8);
+            };
+            match orientations.as_mut_array::<EIGHT>() {
+                Some(of_eight) => narrow(of_eight),
+                None => narrow(orientations),
+            }
+            facing = std::array::from_fn(|k| facing[k] - eight.are_away[k]);
             // Neighbours mostly turn the same way.
             if eight.are_listed == [0; EIGHT] {
                 continue;
@@ -229,51 +248,52 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
             }
             count += place;
         }
-        judged.culled.facing += facing.into_iter().sum::<u32>() as usize;
+        judged.culled.facing += facing.into_iter().sum::<i32>() as usize;
         (judged.listed, judged.listed_count) = (listed, count);
     }
 }
 
 /// What becomes of eight faces.
 struct EightJudged {
-    orientations: [i8; EIGHT],
+    orientations: Eight<i32>,
     /// First and last that each can touch.
     rows: [Eight<i32>; 2],
-    /// 1 for those that can touch pixels, and for those that turn the side away that is not drawn.
-    are_listed: Eight<u32>,
-    are_away: Eight<u32>,
+    /// 1 for those that can touch pixels.
+    are_listed: Eight<i32>,
+    /// -1 for those that turn the side away that is not drawn.
+    are_away: Eight<i32>,
     /// Whether one at least has to be judged in wide numbers: those have the orientation 0 and are not turned away.
     has_doubt: bool,
 }
 
 impl<T: Scalar> Rules<'_, T> {
-    /// Judges up to eight faces by the filter. Where there are fewer, the last one takes part several times.
+    /// Judges eight faces by the filter.
     #[inline(always)]
-    fn judge_eight(&self, faces: &[[u32; 3]]) -> EightJudged {
+    fn judge_eight<V: Simd>(&self, simd: V, faces: &Eight<[u32; 3]>) -> EightJudged {
         let Self { records, filter, options, .. } = *self;
         let away = i32::from(turned_away(options.cull));
-        let filled = || std::array::from_fn(|k| faces[k.min(faces.len() - 1)]);
-        let eight = faces.first_chunk().copied().unwrap_or_else(filled);
-        let boxes = filter.boxes(&Octet::gather(records, eight), options.size, options.sampling);
-        let Boxes { columns, rows, orientations } = boxes;
-        let mut judged = EightJudged {
-            orientations: [0; EIGHT],
-            rows,
-            are_listed: [0; EIGHT],
-            are_away: [0; EIGHT],
-            has_doubt: false,
-        };
+        let octet = Octet::gather(simd, records, *faces);
+        let Boxes { columns, rows, orientations: turns } =
+            filter.boxes(&octet, options.size, options.sampling);
+        let [mut are_listed, mut are_away, mut are_filled] = [[0; EIGHT]; 3];
+        let mut orientations = [0; EIGHT];
+        // Loops of one step each stay vectors.
         for k in 0..EIGHT {
-            // Those that only fill the block are neither.
-            let is_own = k < faces.len();
-            let is_away = is_own & (orientations[k] == away);
-            let is_empty = (columns[0][k] > columns[1][k]) | (rows[0][k] > rows[1][k]);
-            judged.are_away[k] = u32::from(is_away);
-            judged.are_listed[k] = u32::from(is_own & !(is_away | is_empty));
-            judged.orientations[k] = if is_away { 0 } else { orientations[k] as i8 };
-            judged.has_doubt |= orientations[k] == 0;
+            are_away[k] = -i32::from(turns[k] == away);
         }
-        judged
+        for k in 0..EIGHT {
+            are_filled[k] =
+                i32::from((columns[0][k] <= columns[1][k]) & (rows[0][k] <= rows[1][k]));
+        }
+        for k in 0..EIGHT {
+            are_listed[k] = are_filled[k] & !are_away[k];
+        }
+        for k in 0..EIGHT {
+            orientations[k] = turns[k] & !are_away[k];
+        }
+        // Odd, unless one is in doubt.
+        let all = turns.iter().fold(1, |all, turn| all & turn);
+        EightJudged { orientations, rows, are_listed, are_away, has_doubt: all == 0 }
     }
 
     /// Judges those in doubt in wide numbers.
@@ -281,15 +301,15 @@ impl<T: Scalar> Rules<'_, T> {
     #[inline(never)]
     fn settle(&self, eight: &mut EightJudged, faces: &[[u32; 3]], judged: &mut Judged) {
         for (k, &vertices) in faces.iter().enumerate() {
-            if eight.orientations[k] != 0 || eight.are_away[k] == 1 {
+            if eight.orientations[k] != 0 || eight.are_away[k] != 0 {
                 continue;
             }
             let corners = self.corners.corners_of(vertices);
             let verdict =
                 Verdict::from_corners(corners.each_ref(), vertices, self.options, self.most_noise);
             let touched = judged.count(&verdict);
-            eight.orientations[k] = verdict.orientation;
-            eight.are_listed[k] = u32::from(touched.is_some());
+            eight.orientations[k] = verdict.orientation.into();
+            eight.are_listed[k] = i32::from(touched.is_some());
             let [top, bottom] = touched.unwrap_or_default().rows;
             (eight.rows[0][k], eight.rows[1][k]) = (top as i32, bottom as i32);
         }

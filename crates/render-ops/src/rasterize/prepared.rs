@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
+use pulp::Simd;
 
 use super::corner::{ClipVertices, Corner, HALF_A_PIXEL};
 use super::culling::Touched;
@@ -86,11 +87,11 @@ impl<'a, T: Scalar> Prepared<'a, T> {
 
     /// How far faces that are drawn reach: they touch that by which they were listed.
     #[inline(always)]
-    pub(super) fn find_reaches(&self, faces: &[u32], reaches: &mut Vec<Reach>) {
+    pub(super) fn find_reaches<V: Simd>(&self, simd: V, faces: &[u32], reaches: &mut Vec<Reach>) {
         reaches.clear();
         for faces in faces.chunks(EIGHT) {
             let eight = |k: usize| self.mesh.faces()[faces[k.min(faces.len() - 1)] as usize];
-            let octet = Octet::gather(self.records, std::array::from_fn(eight));
+            let octet = Octet::gather(simd, self.records, std::array::from_fn(eight));
             let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
             reaches.extend(faces.iter().enumerate().map(|(k, &face)| {
                 // The filter knows no orientation of a face with a vertex that is not tame.
