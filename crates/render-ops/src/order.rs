@@ -8,6 +8,12 @@ pub(crate) fn smaller<S: Scalar>(a: S, b: S) -> S {
     if a < b { a } else { b }
 }
 
+/// The larger of two that are not NaN.
+#[inline(always)]
+pub(crate) fn larger<S: Scalar>(a: S, b: S) -> S {
+    if a > b { a } else { b }
+}
+
 /// The smallest of three.
 #[inline(always)]
 pub(crate) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
@@ -17,6 +23,5 @@ pub(crate) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
 /// The largest of three.
 #[inline(always)]
 pub(crate) fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
-    let largest = if a > b { a } else { b };
-    if largest > c { largest } else { c }
+    larger(larger(a, b), c)
 }

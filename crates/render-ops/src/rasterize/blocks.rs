@@ -12,6 +12,7 @@ use pulp::Simd;
 
 use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, first_lanes};
 use super::plane::Plane;
+use crate::order::{larger, largest, least};
 use crate::raster_options::Sampling;
 use crate::size::Size;
 
@@ -63,10 +64,10 @@ impl SmallFaces {
             let edges = [edge(q, r), edge(r, p), edge(p, q)];
             let area = edges[0][0] + edges[0][1] * p[0] + edges[0][2] * p[1];
             let side = |axis: usize| {
-                let [p, q, r] = [p[axis], q[axis], r[axis]];
-                p.max(q).max(r) - p.min(q).min(r)
+                let ends = [p[axis], q[axis], r[axis]];
+                largest(ends) - least(ends)
             };
-            let larger_side = side(0).max(side(1));
+            let larger_side = larger(side(0), side(1));
             let bound = filter.edge_bound(larger_side);
             let [d, to_q, to_r] =
                 [0, 1, 2].map(|i| octet.depth[i][k] - if i > 0 { octet.depth[0][k] } else { 0.0 });
@@ -80,7 +81,7 @@ impl SmallFaces {
                 faces.lines[3][c][k] = base + (by_q * edges[1][c] + by_r * edges[2][c]);
             }
             let [_, by_x, by_y] = [0, 1, 2].map(|c| faces.lines[3][c][k]);
-            let range = to_q.abs().max(to_r.abs());
+            let range = larger(to_q.abs(), to_r.abs());
             let depth_bound = filter.depth_bound(larger_side, [by_x, by_y], range, area);
             let pixels = 8 * blocks[k] * (bottoms[k] - tops[k] + 1);
             faces.are_small[k] = (sign != 0.0)

@@ -7,7 +7,7 @@ use bokashi_core::Scalar;
 use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFaces;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
-use super::filter::{EIGHT, Octet};
+use super::filter::{EIGHT, Octet, in_eights};
 use super::plane::Plane;
 use super::prepared::{Prepared, Reach};
 use super::spans::RowOfPixels;
@@ -159,13 +159,12 @@ impl<T: Scalar> Canvas<T> {
                 continue;
             }
             let band = [rows.start, rows.end - 1];
-            for first in (0..faces.len()).step_by(EIGHT) {
-                let of_lane = |k: usize| faces[(first + k).min(faces.len() - 1)] as usize;
-                let eight = std::array::from_fn(|k| view.mesh.faces()[of_lane(k)]);
-                let octet = Octet::gather(simd, view.records, eight);
+            let (eights, last) = in_eights(faces);
+            for (first, eight) in (0_u32..).step_by(EIGHT).zip(eights.iter().chain(&last)) {
+                let octet = Octet::gather(simd, view.records, view.vertices_of(eight));
                 let small = SmallFaces::new(&view.filter, &octet, view.size, band);
-                for k in 0..EIGHT.min(faces.len() - first) {
-                    let number = (first + k) as u32;
+                for k in 0..EIGHT.min(faces.len() - first as usize) {
+                    let number = first + k as u32;
                     self.draw(simd, view, rows.clone(), faces, (&small, k), number);
                     if is_behind {
                         self.sort_in(view, rows.clone(), faces, number);

@@ -10,7 +10,7 @@ use bokashi_core::Scalar;
 use pulp::Simd;
 
 use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, touched};
-use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record};
+use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record, in_eights};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
@@ -208,13 +208,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
         let mut listed = std::mem::take(&mut judged.listed);
         resize(&mut listed, faces.len() + EIGHT, Listed::default);
         let (mut count, mut facing) = (0, [0; EIGHT]);
-        let (eights, rest) = faces.as_chunks::<EIGHT>();
-        // Where there are fewer, the last one takes part several times.
-        let last = rest.last().map(|&last| {
-            let mut eight = [last; EIGHT];
-            eight[..rest.len()].copy_from_slice(rest);
-            eight
-        });
+        let (eights, last) = in_eights(faces);
         let blocks = eights.iter().chain(&last).zip(orientations.chunks_mut(EIGHT));
         for (first, (faces, orientations)) in (first as u32..).step_by(EIGHT).zip(blocks) {
             let mut eight = rules.judge_eight(simd, faces);

@@ -47,6 +47,18 @@ pub(super) const EIGHT: usize = 8;
 
 pub(super) type Eight<V> = [V; EIGHT];
 
+/// Items eight at a time. Where fewer are left, the last one takes part several times.
+#[inline(always)]
+pub(super) fn in_eights<I: Copy>(items: &[I]) -> (&[Eight<I>], Option<Eight<I>>) {
+    let (eights, rest) = items.as_chunks();
+    let filled = rest.last().map(|&last| {
+        let mut filled = [last; EIGHT];
+        filled[..rest.len()].copy_from_slice(rest);
+        filled
+    });
+    (eights, filled)
+}
+
 /// The w of the vertices of one face differ by less than this factor.
 const EVEN: f32 = 4.0;
 
@@ -303,14 +315,16 @@ impl Filter {
         octet: &Octet,
         [columns, rows]: [&Eight<i32>; 2],
     ) -> [[Eight<f32>; 2]; 3] {
-        std::array::from_fn(|i| {
-            let mut local = [[0.0; EIGHT]; 2];
+        let mut local = [[[0.0; EIGHT]; 2]; 3];
+        // Not by `from_fn`, which would be a call.
+        for i in 0..3 {
             for k in 0..EIGHT {
-                local[0][k] = (octet.x[i][k] - (columns[k] << self.bits)) as f32 * self.unit;
-                local[1][k] = (octet.y[i][k] - (rows[k] << self.bits)) as f32 * self.unit;
+                let (x, y) = (octet.x[i][k], octet.y[i][k]);
+                local[i][0][k] = (x - (columns[k] << self.bits)) as f32 * self.unit;
+                local[i][1][k] = (y - (rows[k] << self.bits)) as f32 * self.unit;
             }
-            local
-        })
+        }
+        local
     }
 
     /// The size beyond which edge functions are certain, for a face whose box has a larger side of `b` pixels.
@@ -352,22 +366,22 @@ impl Octet {
     /// Of eight faces.
     #[inline(always)]
     pub(super) fn gather<V: Simd>(simd: V, records: &[Record], faces: [[u32; 3]; EIGHT]) -> Self {
-        let zero = [0.0; EIGHT];
-        let mut octet =
-            Self { x: [[0; EIGHT]; 3], y: [[0; EIGHT]; 3], depth: [zero; 3], w: [zero; 3] };
+        let mut corners = [[[0.0; EIGHT]; 4]; 3];
         for i in 0..3 {
             let mut eight = [Record::default(); EIGHT];
             for k in 0..EIGHT {
                 eight[k] = records[faces[k][i] as usize];
             }
-            let [x, y, depth, w] = transpose(simd, eight);
-            for k in 0..EIGHT {
-                octet.x[i][k] = x[k].to_bits() as i32;
-                octet.y[i][k] = y[k].to_bits() as i32;
-            }
-            (octet.depth[i], octet.w[i]) = (depth, w);
+            corners[i] = transpose(simd, eight);
         }
-        octet
+        let [p, q, r] = corners;
+        let whole = |numbers: Eight<f32>| numbers.map(|number| number.to_bits() as i32);
+        Self {
+            x: [whole(p[0]), whole(q[0]), whole(r[0])],
+            y: [whole(p[1]), whole(q[1]), whole(r[1])],
+            depth: [p[2], q[2], r[2]],
+            w: [p[3], q[3], r[3]],
+        }
     }
 }
 

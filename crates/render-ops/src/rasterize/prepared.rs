@@ -7,7 +7,7 @@ use pulp::Simd;
 
 use super::corner::{ClipVertices, Corner, HALF_A_PIXEL};
 use super::culling::Touched;
-use super::filter::{EIGHT, Filter, Octet, Record};
+use super::filter::{EIGHT, Eight, Filter, Octet, Record, in_eights};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
 use crate::mesh::{Mesh, SilhouetteEdges};
@@ -85,13 +85,23 @@ impl<'a, T: Scalar> Prepared<'a, T> {
         self.orientations[face] != 0 && beyond(p) & beyond(q) & beyond(r) == 0
     }
 
+    /// The vertices of eight faces.
+    #[inline(always)]
+    pub(super) fn vertices_of(&self, faces: &Eight<u32>) -> Eight<[u32; 3]> {
+        let mut vertices = [[0; 3]; EIGHT];
+        for k in 0..EIGHT {
+            vertices[k] = self.mesh.faces()[faces[k] as usize];
+        }
+        vertices
+    }
+
     /// How far faces that are drawn reach: they touch that by which they were listed.
     #[inline(always)]
     pub(super) fn find_reaches<V: Simd>(&self, simd: V, faces: &[u32], reaches: &mut Vec<Reach>) {
         reaches.clear();
-        for faces in faces.chunks(EIGHT) {
-            let eight = |k: usize| self.mesh.faces()[faces[k.min(faces.len() - 1)] as usize];
-            let octet = Octet::gather(simd, self.records, std::array::from_fn(eight));
+        let (eights, last) = in_eights(faces);
+        for (eight, faces) in eights.iter().chain(&last).zip(faces.chunks(EIGHT)) {
+            let octet = Octet::gather(simd, self.records, self.vertices_of(eight));
             let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
             reaches.extend(faces.iter().enumerate().map(|(k, &face)| {
                 // The filter knows no orientation of a face with a vertex that is not tame.
