@@ -18,7 +18,6 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch;
 use crate::edge_functions::{LocalFace, are_even, has_even_vertices};
-use crate::face_sums::are_finite;
 use crate::homogeneous::Vertex;
 use crate::mesh::Mesh;
 use crate::scratch::Workbench;
@@ -226,26 +225,40 @@ struct Group<T: Scalar> {
     sums: [[Lanes<T::Wide>; 4]; 3],
     /// The same numbers, face by face: put into lanes one by one, they would not be summed in vectors.
     sums_of_faces: [Sums<T::Wide>; LANES],
-    /// The gradients of x, y and w.
+    /// The gradients of x, y and w, and of the attributes.
     bars: [[Lanes<T>; 3]; 3],
+    attribute_bars: [[Lanes<T>; 3]; 3],
     /// Whether the third weight has its digits.
     are_even: Lanes<bool>,
+    /// Zero, where all gradients are finite.
+    zeros: Lanes<T>,
 }
 
 impl<T: Scalar> Group<T> {
     fn new() -> Self {
         let (zero, wide) = ([T::ZERO; LANES], [T::Wide::ZERO; LANES]);
-        let (vertices, bars) = ([[zero; 3]; 3], [[zero; 3]; 3]);
+        let [vertices, bars, attribute_bars] = [[[zero; 3]; 3]; 3];
         let (first_pixels, slopes, sums) = ([0; LANES], [[wide; 3]; 2], [[wide; 4]; 3]);
         let sums_of_faces = [[[T::Wide::ZERO; 4]; 3]; LANES];
-        let are_even = [false; LANES];
-        Self { vertices, first_pixels, slopes, sums, sums_of_faces, bars, are_even }
+        let (are_even, zeros) = ([false; LANES], zero);
+        Self {
+            vertices,
+            first_pixels,
+            slopes,
+            sums,
+            sums_of_faces,
+            bars,
+            attribute_bars,
+            are_even,
+            zeros,
+        }
     }
 
-    /// From the sums to the gradients of the positions.
+    /// From the sums to the gradients.
     #[inline(always)]
     fn work_out(&mut self, size: Size) {
-        let Self { vertices, first_pixels, slopes, sums, sums_of_faces, are_even, bars } = self;
+        let Self { vertices, first_pixels, slopes, sums, sums_of_faces, .. } = self;
+        let Self { bars, attribute_bars, are_even, zeros, .. } = self;
         for lane in 0..LANES {
             put(sums, lane, sums_of_faces[lane]);
         }
@@ -269,16 +282,28 @@ impl<T: Scalar> Group<T> {
                 }
             }
         }
+        // In a loop of its own, and without comparisons, so that both loops become vectors.
+        for lane in 0..LANES {
+            let mut zero = T::ZERO;
+            for i in 0..3 {
+                for c in 0..3 {
+                    let bar = T::narrow(sums[i][c][lane]);
+                    attribute_bars[i][c][lane] = bar;
+                    zero += T::ZERO * bars[i][c][lane] + T::ZERO * bar;
+                }
+            }
+            zeros[lane] = zero;
+        }
     }
 
     /// The gradients of the face in a lane; `None` where `rasterize` takes more care.
     #[inline(always)]
     fn bars(&self, lane: usize) -> Option<FaceBars<T>> {
-        let clip = self.bars.each_ref().map(|row| row.each_ref().map(|bar| bar[lane]));
-        let attributes = self.sums_of_faces[lane].map(|[r, g, b, _]| [r, g, b].map(T::narrow));
-        let is_plain = self.are_even[lane]
-            & are_finite(clip.as_flattened())
-            & are_finite(attributes.as_flattened());
+        let of_lane = |bars: &[[Lanes<T>; 3]; 3]| {
+            bars.each_ref().map(|row| row.each_ref().map(|bar| bar[lane]))
+        };
+        let (clip, attributes) = (of_lane(&self.bars), of_lane(&self.attribute_bars));
+        let is_plain = self.are_even[lane] & self.zeros[lane].is_finite();
         is_plain.then_some(FaceBars { clip, attributes })
     }
 }
