@@ -214,6 +214,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
             let mut eight = rules.judge_eight(simd, faces);
             let own = orientations.len();
             if own < EIGHT {
+                // Those that only fill the block are neither.
                 eight.are_listed[own..].fill(0);
                 eight.are_away[own..].fill(0);
             }
@@ -223,7 +224,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
             let narrow = |to: &mut [i8]| {
                 to.iter_mut().zip(eight.orientations).for_each(|(to, turn)| *to = turn as i8);
             };
-            match orientations.as_mut_array::<EIGHT>() {
+            match orientations.first_chunk_mut::<EIGHT>() {
                 Some(of_eight) => narrow(of_eight),
                 None => narrow(orientations),
             }

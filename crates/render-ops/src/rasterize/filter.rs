@@ -139,13 +139,13 @@ impl Depths {
     }
 }
 
-/// A vertex, as the filter sees it:
-/// - the bits of x and y, whole numbers of units from the centre of the first pixel,
+/// A vertex, as the filter sees it. These are the bits of
+/// - x and y, whole numbers of units from the centre of the first pixel,
 /// - its depth less that amid the others, in units of the tolerance,
 /// - its w, or 0 for a vertex that is not tame: no face with such a vertex is even.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(16))]
-pub(super) struct Record([f32; 4]);
+pub(super) struct Record([u32; 4]);
 
 /// The vertices of eight faces, number by number.
 #[derive(Debug)]
@@ -209,11 +209,10 @@ impl Filter {
     pub(super) fn record<S: Scalar<Wide = S>>(&self, corner: &Corner<S>, size: Size) -> Record {
         // A sum that is so large that its last digit is 1: its low bits are the nearest whole number.
         let units = f64::from(1_u32 << self.bits);
-        let whole =
-            |pixel: f64| f32::from_bits((pixel * units + 6_755_399_441_055_744.0).to_bits() as u32);
+        let whole = |pixel: f64| (pixel * units + 6_755_399_441_055_744.0).to_bits() as u32;
         let [x, y] = corner.pixel(size).map(whole);
-        let depth = self.narrow(corner.depth());
-        let record = Record([x, y, depth, corner.vertex.w.to_f64() as f32]);
+        let [depth, w] = [self.narrow(corner.depth()), corner.vertex.w.to_f64() as f32];
+        let record = Record([x, y, depth.to_bits(), w.to_bits()]);
         // Chosen afterwards: without a branch there are vectors.
         if corner.is_tame(size) { record } else { Record::default() }
     }
@@ -366,7 +365,7 @@ impl Octet {
     /// Of eight faces.
     #[inline(always)]
     pub(super) fn gather<V: Simd>(simd: V, records: &[Record], faces: [[u32; 3]; EIGHT]) -> Self {
-        let mut corners = [[[0.0; EIGHT]; 4]; 3];
+        let mut corners = [[[0; EIGHT]; 4]; 3];
         for i in 0..3 {
             let mut eight = [Record::default(); EIGHT];
             for k in 0..EIGHT {
@@ -375,32 +374,37 @@ impl Octet {
             corners[i] = transpose(simd, eight);
         }
         let [p, q, r] = corners;
-        let whole = |numbers: Eight<f32>| numbers.map(|number| number.to_bits() as i32);
+        let whole = |bits: Eight<u32>| bits.map(|bits| bits as i32);
+        let float = |bits: Eight<u32>| bits.map(f32::from_bits);
         Self {
             x: [whole(p[0]), whole(q[0]), whole(r[0])],
             y: [whole(p[1]), whole(q[1]), whole(r[1])],
-            depth: [p[2], q[2], r[2]],
-            w: [p[3], q[3], r[3]],
+            depth: [float(p[2]), float(q[2]), float(r[2])],
+            w: [float(p[3]), float(q[3]), float(r[3])],
         }
     }
 }
 
 /// The numbers of eight records, one after another.
 #[inline(always)]
-fn transpose<V: Simd>(simd: V, records: Eight<Record>) -> [Eight<f32>; 4] {
-    let mut columns = [[0.0; EIGHT]; 4];
+fn transpose<V: Simd>(simd: V, records: Eight<Record>) -> [Eight<u32>; 4] {
+    let mut columns = [[0; EIGHT]; 4];
     if const { V::F32_LANES == EIGHT } {
         // Loaded whole and exchanged in registers, which takes a third of the instructions. Vectors of eight take
         // rows in this order.
         const ORDER: [usize; EIGHT] = [0, 2, 4, 6, 1, 3, 5, 7];
-        let mut rows = [[0.0; 4]; EIGHT];
+        let mut rows = [[0; 4]; EIGHT];
         for k in 0..EIGHT {
             rows[ORDER[k]] = records[k].0;
         }
-        let rows = V::as_simd_f32s(rows.as_flattened()).0;
-        let vectors = simd.deinterleave_shfl_f32s([rows[0], rows[1], rows[2], rows[3]]);
+        let rows = V::as_simd_u32s(rows.as_flattened()).0;
+        let mut vectors = [simd.splat_f32s(0.0); 4];
         for c in 0..4 {
-            V::as_mut_simd_f32s(&mut columns[c]).0[0] = vectors[c];
+            vectors[c] = simd.transmute_f32s_u32s(rows[c]);
+        }
+        let vectors = simd.deinterleave_shfl_f32s(vectors);
+        for c in 0..4 {
+            V::as_mut_simd_u32s(&mut columns[c]).0[0] = simd.transmute_u32s_f32s(vectors[c]);
         }
     } else {
         for k in 0..EIGHT {
@@ -419,6 +423,7 @@ mod tests {
     use super::super::corner::{ClipVertices, Scaling};
     use super::super::vertices::{Measures, record};
     use super::*;
+    use crate::dispatch::dispatch_256;
 
     /// How far a face's edge functions, area and depths lie from those in wide numbers, as shares of the bounds.
     #[derive(Debug, Default, Clone, Copy)]
@@ -463,6 +468,29 @@ mod tests {
         let half = 1.0 / (RESOLUTION * filter.per_depth);
         let middle = filter.middle + shift * half;
         Filter { middle, per_depth: ratio * filter.per_depth, ..filter }
+    }
+
+    struct Transpose(Eight<Record>);
+
+    impl pulp::WithSimd for Transpose {
+        type Output = [Eight<u32>; 4];
+
+        #[inline(always)]
+        fn with_simd<V: Simd>(self, simd: V) -> Self::Output {
+            transpose(simd, self.0)
+        }
+    }
+
+    #[test]
+    fn records_keep_their_order_and_all_bits_in_vectors_of_any_length() {
+        // Some of them are no numbers, if they are read as such.
+        let bits = |k: usize, c: usize| (0xff80_0000_u32).wrapping_add((4 * k + c) as u32);
+        let records = std::array::from_fn(|k| Record(std::array::from_fn(|c| bits(k, c))));
+        let expected: [Eight<u32>; 4] =
+            std::array::from_fn(|c| std::array::from_fn(|k| bits(k, c)));
+        assert_eq!(dispatch_256::<f32, _>(Transpose(records)), expected);
+        assert_eq!(pulp::Scalar.vectorize(Transpose(records)), expected);
+        assert_eq!(pulp::Arch::new().dispatch(Transpose(records)), expected);
     }
 
     #[test]
