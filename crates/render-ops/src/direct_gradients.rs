@@ -126,10 +126,10 @@ impl<T: Scalar> DirectGradients<'_, T> {
         let Coverage { mesh, centers, .. } = self.coverage;
         let face = centers.face(slot);
         let vertices = mesh.faces()[face].map(|vertex| self.clip[vertex as usize]);
+        put(&mut group.vertices, lane, vertices.map(|[x, y, _, w]| [x, y, w]));
         let corners =
             self.indices.faces()[face].map(|vertex| self.attributes[vertex as usize].map(T::widen));
         let slopes = [0, 1].map(|k| [0, 1, 2].map(|c| corners[k][c] - corners[2][c]));
-        put(&mut group.vertices, lane, vertices.map(|[x, y, _, w]| [x, y, w]));
         group.first_pixels[lane] = centers.first_pixel_of(slot) as u32;
         put(&mut group.slopes, lane, slopes);
         let fragments = centers.fragments_of(slot..slot + 1);
