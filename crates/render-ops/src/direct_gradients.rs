@@ -230,7 +230,7 @@ struct Group<T: Scalar> {
     attribute_bars: [[Lanes<T>; 3]; 3],
     /// Whether the third weight has its digits.
     are_even: Lanes<bool>,
-    /// Zero, where all gradients are finite.
+    /// 0 where all gradients of the face are finite, and NaN otherwise.
     zeros: Lanes<T>,
 }
 
@@ -282,7 +282,8 @@ impl<T: Scalar> Group<T> {
                 }
             }
         }
-        // In a loop of its own, and without comparisons, so that both loops become vectors.
+        // 0 x is 0 for a finite x, and NaN for others: so a sum asks for all of them without comparisons. In a loop of its
+        // own, so that both loops become vectors.
         for lane in 0..LANES {
             let mut zero = T::ZERO;
             for i in 0..3 {

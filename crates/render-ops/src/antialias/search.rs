@@ -226,9 +226,9 @@ mod tests {
         assert_eq!(numbers(&together), numbers(&alone));
     }
 
-    /// Borders of two faces that share no vertices, as layers of a flat drawing have them: at a depth that no product rounds.
+    /// Layers of a flat drawing share borders, not vertices. Products with the depth 0.5 are exact, so that depths tie.
     #[test]
-    fn of_faces_at_one_depth_the_first_pixels_blends() {
+    fn of_faces_at_one_depth_that_of_the_first_pixel_blends() {
         let count = 40;
         let corners = (0..count).flat_map(|k| {
             let at = |phase: f64| 0.05 * (2.4 * k as f64 + phase).sin();

@@ -64,8 +64,8 @@ impl SmallFaces {
             let edges = [edge(q, r), edge(r, p), edge(p, q)];
             let area = edges[0][0] + edges[0][1] * p[0] + edges[0][2] * p[1];
             let side = |axis: usize| {
-                let ends = [p[axis], q[axis], r[axis]];
-                largest(ends) - least(ends)
+                let coordinates = [p[axis], q[axis], r[axis]];
+                largest(coordinates) - least(coordinates)
             };
             let larger_side = larger(side(0), side(1));
             let bound = filter.edge_bound(larger_side);

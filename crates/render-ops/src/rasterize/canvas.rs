@@ -7,7 +7,7 @@ use bokashi_core::Scalar;
 use super::behind::{Peeling, SortIn};
 use super::blocks::SmallFaces;
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
-use super::filter::{EIGHT, Octet, in_eights};
+use super::filter::{EIGHT, Octet, split_into_eights};
 use super::plane::Plane;
 use super::prepared::{Prepared, Reach};
 use super::spans::RowOfPixels;
@@ -159,7 +159,7 @@ impl<T: Scalar> Canvas<T> {
                 continue;
             }
             let band = [rows.start, rows.end - 1];
-            let (eights, last) = in_eights(faces);
+            let (eights, last) = split_into_eights(faces);
             for (first, eight) in (0_u32..).step_by(EIGHT).zip(eights.iter().chain(&last)) {
                 let octet = Octet::gather(simd, view.records, view.vertices_of(eight));
                 let small = SmallFaces::new(&view.filter, &octet, view.size, band);

@@ -10,7 +10,7 @@ use bokashi_core::Scalar;
 use pulp::Simd;
 
 use super::corner::{BEHIND, ClipVertices, Corner, HALF_A_PIXEL, touched};
-use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record, in_eights};
+use super::filter::{Boxes, EIGHT, Eight, Filter, Octet, Record, split_into_eights};
 use crate::coverage::Culled;
 use crate::edges::repeats_a_vertex;
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
@@ -208,7 +208,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
         let mut listed = std::mem::take(&mut judged.listed);
         resize(&mut listed, faces.len() + EIGHT, Listed::default);
         let (mut count, mut facing) = (0, [0; EIGHT]);
-        let (eights, last) = in_eights(faces);
+        let (eights, last) = split_into_eights(faces);
         let blocks = eights.iter().chain(&last).zip(orientations.chunks_mut(EIGHT));
         for (first, (faces, orientations)) in (first as u32..).step_by(EIGHT).zip(blocks) {
             let mut eight = rules.judge_eight(simd, faces);
@@ -224,6 +224,7 @@ impl<T: Scalar> pulp::WithSimd for Judge<'_, T> {
             let narrow = |to: &mut [i8]| {
                 to.iter_mut().zip(eight.orientations).for_each(|(to, turn)| *to = turn as i8);
             };
+            // Of a length that is known it is one store.
             match orientations.first_chunk_mut::<EIGHT>() {
                 Some(of_eight) => narrow(of_eight),
                 None => narrow(orientations),
@@ -270,23 +271,23 @@ impl<T: Scalar> Rules<'_, T> {
         let octet = Octet::gather(simd, records, *faces);
         let Boxes { columns, rows, orientations: turns } =
             filter.boxes(&octet, options.size, options.sampling);
-        let [mut are_listed, mut are_away, mut are_filled] = [[0; EIGHT]; 3];
+        let [mut are_listed, mut are_away, mut have_pixels] = [[0; EIGHT]; 3];
         let mut orientations = [0; EIGHT];
         // Loops of one step each stay vectors.
         for k in 0..EIGHT {
             are_away[k] = -i32::from(turns[k] == away);
         }
         for k in 0..EIGHT {
-            are_filled[k] =
+            have_pixels[k] =
                 i32::from((columns[0][k] <= columns[1][k]) & (rows[0][k] <= rows[1][k]));
         }
         for k in 0..EIGHT {
-            are_listed[k] = are_filled[k] & !are_away[k];
+            are_listed[k] = have_pixels[k] & !are_away[k];
         }
         for k in 0..EIGHT {
             orientations[k] = turns[k] & !are_away[k];
         }
-        // Odd, unless one is in doubt.
+        // 1 & 1 = 1 & -1 = 1, and 1 & 0 = 0: it is 0 where one is in doubt.
         let all = turns.iter().fold(1, |all, turn| all & turn);
         EightJudged { orientations, rows, are_listed, are_away, has_doubt: all == 0 }
     }

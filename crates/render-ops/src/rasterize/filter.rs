@@ -47,9 +47,9 @@ pub(super) const EIGHT: usize = 8;
 
 pub(super) type Eight<V> = [V; EIGHT];
 
-/// Items eight at a time. Where fewer are left, the last one takes part several times.
+/// Splits items into whole blocks of eight and, if some are left, one more block, which their last item fills up.
 #[inline(always)]
-pub(super) fn in_eights<I: Copy>(items: &[I]) -> (&[Eight<I>], Option<Eight<I>>) {
+pub(super) fn split_into_eights<I: Copy>(items: &[I]) -> (&[Eight<I>], Option<Eight<I>>) {
     let (eights, rest) = items.as_chunks();
     let filled = rest.last().map(|&last| {
         let mut filled = [last; EIGHT];
@@ -374,24 +374,24 @@ impl Octet {
             corners[i] = transpose(simd, eight);
         }
         let [p, q, r] = corners;
-        let whole = |bits: Eight<u32>| bits.map(|bits| bits as i32);
-        let float = |bits: Eight<u32>| bits.map(f32::from_bits);
+        let to_i32 = |bits: Eight<u32>| bits.map(|bits| bits as i32);
+        let to_f32 = |bits: Eight<u32>| bits.map(f32::from_bits);
         Self {
-            x: [whole(p[0]), whole(q[0]), whole(r[0])],
-            y: [whole(p[1]), whole(q[1]), whole(r[1])],
-            depth: [float(p[2]), float(q[2]), float(r[2])],
-            w: [float(p[3]), float(q[3]), float(r[3])],
+            x: [to_i32(p[0]), to_i32(q[0]), to_i32(r[0])],
+            y: [to_i32(p[1]), to_i32(q[1]), to_i32(r[1])],
+            depth: [to_f32(p[2]), to_f32(q[2]), to_f32(r[2])],
+            w: [to_f32(p[3]), to_f32(q[3]), to_f32(r[3])],
         }
     }
 }
 
-/// The numbers of eight records, one after another.
+/// Transposes eight records: the c-th array has the c-th number of each, in their order.
 #[inline(always)]
 fn transpose<V: Simd>(simd: V, records: Eight<Record>) -> [Eight<u32>; 4] {
     let mut columns = [[0; EIGHT]; 4];
     if const { V::F32_LANES == EIGHT } {
-        // Loaded whole and exchanged in registers, which takes a third of the instructions. Vectors of eight take
-        // rows in this order.
+        // Loaded whole and transposed in registers: a third of the instructions. The vectors that are dispatched to take
+        // rows in this order, which pulp does not promise: a test holds it.
         const ORDER: [usize; EIGHT] = [0, 2, 4, 6, 1, 3, 5, 7];
         let mut rows = [[0; 4]; EIGHT];
         for k in 0..EIGHT {
@@ -483,7 +483,7 @@ mod tests {
 
     #[test]
     fn records_keep_their_order_and_all_bits_in_vectors_of_any_length() {
-        // Some of them are no numbers, if they are read as such.
+        // Read as f32 they are an infinity and signalling NaN, whose bits arithmetic would not keep.
         let bits = |k: usize, c: usize| (0xff80_0000_u32).wrapping_add((4 * k + c) as u32);
         let records = std::array::from_fn(|k| Record(std::array::from_fn(|c| bits(k, c))));
         let expected: [Eight<u32>; 4] =

@@ -7,7 +7,7 @@ use pulp::Simd;
 
 use super::corner::{ClipVertices, Corner, HALF_A_PIXEL};
 use super::culling::Touched;
-use super::filter::{EIGHT, Eight, Filter, Octet, Record, in_eights};
+use super::filter::{EIGHT, Eight, Filter, Octet, Record, split_into_eights};
 use super::setup::{Setup, Weights};
 use crate::coverage::Coverage;
 use crate::mesh::{Mesh, SilhouetteEdges};
@@ -99,7 +99,7 @@ impl<'a, T: Scalar> Prepared<'a, T> {
     #[inline(always)]
     pub(super) fn find_reaches<V: Simd>(&self, simd: V, faces: &[u32], reaches: &mut Vec<Reach>) {
         reaches.clear();
-        let (eights, last) = in_eights(faces);
+        let (eights, last) = split_into_eights(faces);
         for (eight, faces) in eights.iter().chain(&last).zip(faces.chunks(EIGHT)) {
             let octet = Octet::gather(simd, self.records, self.vertices_of(eight));
             let boxes = self.filter.boxes(&octet, self.size, Sampling::Exact);
