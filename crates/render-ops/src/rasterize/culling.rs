@@ -269,13 +269,13 @@ impl<T: Scalar> Rules<'_, T> {
         let Self { records, filter, options, .. } = *self;
         let away = i32::from(turned_away(options.cull));
         let octet = Octet::gather(simd, records, *faces);
-        let Boxes { columns, rows, orientations: turns } =
-            filter.boxes(&octet, options.size, options.sampling);
+        let boxes = filter.boxes(&octet, options.size, options.sampling);
+        let Boxes { columns, rows, orientations: before_culling } = boxes;
         let [mut are_listed, mut are_away, mut have_pixels] = [[0; EIGHT]; 3];
         let mut orientations = [0; EIGHT];
         // Loops of one step each stay vectors.
         for k in 0..EIGHT {
-            are_away[k] = -i32::from(turns[k] == away);
+            are_away[k] = -i32::from(before_culling[k] == away);
         }
         for k in 0..EIGHT {
             have_pixels[k] =
@@ -285,10 +285,10 @@ impl<T: Scalar> Rules<'_, T> {
             are_listed[k] = have_pixels[k] & !are_away[k];
         }
         for k in 0..EIGHT {
-            orientations[k] = turns[k] & !are_away[k];
+            orientations[k] = before_culling[k] & !are_away[k];
         }
         // 1 & 1 = 1 & -1 = 1, and 1 & 0 = 0: it is 0 where one is in doubt.
-        let all = turns.iter().fold(1, |all, turn| all & turn);
+        let all = before_culling.iter().fold(1, |all, orientation| all & orientation);
         EightJudged { orientations, rows, are_listed, are_away, has_doubt: all == 0 }
     }
 

@@ -139,10 +139,11 @@ impl Depths {
     }
 }
 
-/// A vertex, as the filter sees it. These are the bits of
-/// - x and y, whole numbers of units from the centre of the first pixel,
-/// - its depth less that amid the others, in units of the tolerance,
-/// - its w, or 0 for a vertex that is not tame: no face with such a vertex is even.
+/// A vertex, as the filter sees it: the bits of four numbers, so that all are loaded at once.
+///
+/// The first two are x and y, as whole numbers of units from the centre of the first pixel. The third is its depth less
+/// that amid the others, in units of the tolerance. The last is its w. It is 0 for a vertex that is not tame: no face with
+/// such a vertex is even.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(16))]
 pub(super) struct Record([u32; 4]);
