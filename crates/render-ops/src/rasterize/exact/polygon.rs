@@ -82,6 +82,15 @@ pub(super) struct Triangle<S> {
     pub(super) twice: S,
 }
 
+/// How a polygon lies to a line, whose values at its corners were left.
+#[derive(Debug, Clone, Copy)]
+struct Sides {
+    /// Whether some of it lies on the inside, and some on the outside, by more than rounding.
+    reaches: [bool; 2],
+    /// The corners on the inside or on the line, and those on the outside or on the line: a bit for each of up to 64.
+    corners: [u64; 2],
+}
+
 /// The corners of a polygon that lie on one side of a line or on the line: in turn from the first to the last one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Run {
@@ -90,18 +99,12 @@ struct Run {
 }
 
 impl Run {
-    /// Of the corners where `sign` times these values is not negative: some are, and some are not. `None` where that
-    /// is not one run, by rounding, or where they are many.
+    /// Of the corners in `bits`, of `count`: some are there, and some are not. `None` where that is not one run, by
+    /// rounding, or where they are many.
     #[inline(always)]
-    fn find<S: Scalar>(values: &[S], sign: S) -> Option<Self> {
-        let count = values.len();
+    fn find(bits: u64, count: usize) -> Option<Self> {
         if count > u64::BITS as usize {
             return None;
-        }
-        let mut bits = 0;
-        // One by one, as the values were stored: a load of several would wait.
-        for &value in values.iter().rev() {
-            bits = bits << 1 | u64::from(sign * value >= S::ZERO);
         }
         // The corner before the first one of a run is of none, and so is the corner after its last one.
         let firsts = bits & !(bits << 1 | bits >> (count - 1));
@@ -209,10 +212,11 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> [Option<Polygon>; 2] {
-        match self.lies(polygon, line) {
+        let sides = self.sides(polygon, line);
+        match sides.reaches {
             [true, true] => {
-                let inside = self.part(polygon, Bound::new(index, true));
-                let outside = self.part(polygon, Bound::new(index, false));
+                let inside = self.part(polygon, sides, Bound::new(index, true));
+                let outside = self.part(polygon, sides, Bound::new(index, false));
                 [inside, outside]
             }
             [true, false] => [Some(polygon), None],
@@ -229,8 +233,9 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> Option<Polygon> {
-        match self.lies(polygon, line) {
-            [true, true] => self.part(polygon, Bound::new(index, true)),
+        let sides = self.sides(polygon, line);
+        match sides.reaches {
+            [true, true] => self.part(polygon, sides, Bound::new(index, true)),
             [is_inside, _] => is_inside.then_some(polygon),
         }
     }
@@ -243,28 +248,38 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> (bool, Option<Polygon>) {
-        match self.lies(polygon, line) {
-            [true, true] => (true, self.part(polygon, Bound::new(index, false))),
+        let sides = self.sides(polygon, line);
+        match sides.reaches {
+            [true, true] => (true, self.part(polygon, sides, Bound::new(index, false))),
             [is_inside, is_outside] => (is_inside, is_outside.then_some(polygon)),
         }
     }
 
     /// Whether some of a polygon lies on the inside of a line, and some on the outside, by more than
-    /// rounding. Leaves the line's values at the corners.
+    /// rounding.
     #[inline(always)]
     pub(super) fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
+        self.sides(polygon, line).reaches
+    }
+
+    /// How a polygon lies to a line. Leaves the line's values at the corners.
+    #[inline(always)]
+    fn sides(&mut self, polygon: Polygon, line: Line<S>) -> Sides {
         let corners = &self.corners[self.range(polygon)];
         // A NaN is neither less nor more, so it lies on no side.
         let (mut least, mut most) = (S::ZERO, S::ZERO);
-        for (corner, found) in corners.iter().zip(&mut self.values) {
+        let (mut inside, mut outside) = (0, 0);
+        for (corner, found) in corners.iter().zip(&mut self.values).rev() {
             let value = value_at(line, corner.point);
             *found = value;
             least = if value < least { value } else { least };
             most = if value > most { value } else { most };
+            inside = inside << 1 | u64::from(value >= S::ZERO);
+            outside = outside << 1 | u64::from(value <= S::ZERO);
         }
         // Corners lie in the pixel, where no term of the value is larger than the line's size.
         let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
-        [most > error_bound, least < -error_bound]
+        Sides { reaches: [most > error_bound, least < -error_bound], corners: [inside, outside] }
     }
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
@@ -278,11 +293,12 @@ impl<S: Scalar> Polygons<S> {
     ///  before +           + next
     /// ```
     #[inline(always)]
-    fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
+    fn part(&mut self, polygon: Polygon, sides: Sides, cut: Bound) -> Option<Polygon> {
         let range = self.range(polygon);
         let count = range.len();
-        let sign = if cut.is_inside() { S::ONE } else { -S::ONE };
-        let Some(Run { first, last }) = Run::find(&self.values[..count], sign) else {
+        let [inside, outside] = sides.corners;
+        let (here, beyond) = if cut.is_inside() { (inside, outside) } else { (outside, inside) };
+        let Some(Run { first, last }) = Run::find(here, count) else {
             return self.part_of_several_runs(polygon, cut);
         };
         // One corner at least is cut off.
@@ -293,41 +309,31 @@ impl<S: Scalar> Polygons<S> {
             if first > 0 { first } else { count } - 1,
             if last + 1 < count { last + 1 } else { 0 },
         ];
-        let is_off = |index: usize| sign * values[index] < S::ZERO;
-        let is_clear = |index: usize| sign * values[index] > S::ZERO;
-        let [enters, leaves] = [is_off(before) & is_clear(first), is_clear(last) & is_off(next)];
-        let (wraps, crossings) = (last < first, usize::from(enters) + usize::from(leaves));
-        let kept = if wraps { last + 1 + count - first } else { last + 1 - first };
-        let total = kept + crossings;
-        // Corner 0 stays the first one, and if it is cut off, what comes first behind it: all sums over a polygon
-        // begin there.
-        let mut at = match first {
-            0 => 0,
-            _ if wraps => total - (count - first),
-            _ => usize::from(enters),
+        let is_beyond = |index: usize| beyond >> index & 1 == 1;
+        let mut total = 0;
+        let mut add = |corner: Corner<S>| {
+            new[total] = corner;
+            total += 1;
         };
-        let after = |at: usize| if at + 1 < total { at + 1 } else { 0 };
-        let (mut index, mut place) = (first, at);
-        for _ in 0..kept {
-            place = at;
-            new[place] = corners[index];
+        let mut index = first;
+        while index != last {
+            add(corners[index]);
             index = if index + 1 < count { index + 1 } else { 0 };
-            at = after(place);
         }
         let crossing = |from: usize, to: usize| {
             let (p, q) = (corners[from].point, corners[to].point);
             let share = values[from] / (values[from] - values[to]);
             [p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])]
         };
+        // Where it lies on the line, the last corner is its own crossing.
+        let Corner { point, bound } = corners[last];
+        let leaves = !is_beyond(last) & is_beyond(next);
+        add(Corner { point, bound: if leaves { bound } else { cut } });
         if leaves {
-            new[at] = Corner { point: crossing(last, next), bound: cut };
-            at = after(at);
-        } else {
-            // The last corner lies on the line.
-            new[place].bound = cut;
+            add(Corner { point: crossing(last, next), bound: cut });
         }
-        if enters {
-            new[at] = Corner { point: crossing(before, first), bound: corners[before].bound };
+        if is_beyond(before) & !is_beyond(first) {
+            add(Corner { point: crossing(before, first), bound: corners[before].bound });
         }
         self.end_part(total)
     }
@@ -496,14 +502,12 @@ mod tests {
             count in 3..=64_usize,
             start in 0..64_usize,
             length in 1..64_usize,
-            is_inside: bool,
         ) {
             let (first, kept) = (start % count, 1 + length % (count - 1));
-            let sign = if is_inside { 1.0 } else { -1.0 };
-            let is_kept = |k: usize| (k + count - first) % count < kept;
-            let values: Vec<_> = (0..count).map(|k| if is_kept(k) { sign } else { -sign }).collect();
+            let is_kept = |k: &usize| (k + count - first) % count < kept;
+            let bits = (0..count).filter(is_kept).map(|k| 1 << k).sum();
             let last = (first + kept - 1) % count;
-            prop_assert_eq!(Run::find(&values, sign), Some(Run { first, last }));
+            prop_assert_eq!(Run::find(bits, count), Some(Run { first, last }));
         }
 
         /// Corners in any order, some on the line, with which rounding may have made several runs.
@@ -516,16 +520,27 @@ mod tests {
             let polygon = polygons.add(corners.iter().zip(0..100).map(|(&(point, _), k)| {
                 Corner { point, bound: Bound::new(k, k % 2 == 0) }
             }));
+            let bits = |sign: i8| {
+                (0..).zip(&corners).map(|(k, (_, given))| u64::from(sign * given >= 0) << k).sum()
+            };
+            let sides = Sides { reaches: [true; 2], corners: [bits(1), bits(-1)] };
             for (value, (_, given)) in polygons.values.iter_mut().zip(&corners) {
                 *value = 0.3 * f64::from(*given);
             }
             let cut = Bound::new(99, is_inside);
+            // Either may begin with any corner.
             let list = |polygons: &Polygons<f64>, part: Option<Polygon>| {
-                part.map(|part| format!("{:?}", polygons.corners(part)))
+                part.map(|part| {
+                    let mut list: Vec<_> =
+                        polygons.corners(part).iter().map(|corner| format!("{corner:?}")).collect();
+                    let least = (0..list.len()).min_by_key(|&k| list[k].clone());
+                    list.rotate_left(least.expect("it has corners"));
+                    list
+                })
             };
             let expected = polygons.part_of_several_runs(polygon, cut);
             let expected = list(&polygons, expected);
-            let found = polygons.part(polygon, cut);
+            let found = polygons.part(polygon, sides, cut);
             let sign = if is_inside { 1 } else { -1 };
             // Only where some are clearly on either side a part is asked for.
             let has = |side: i8| corners.iter().any(|(_, given)| sign * given * side > 0);
@@ -535,11 +550,33 @@ mod tests {
         }
     }
 
+    proptest! {
+        #[test]
+        fn sides_tell_the_corners_of_each(
+            points in proptest::collection::vec([-1.0..1.0, -1.0..1.0], 3..70),
+            line in line(),
+            through in 0..70_usize,
+        ) {
+            // One corner lies on the line, but for rounding.
+            let point = points[through % points.len()];
+            let line = [line[0] - value_at(line, point), line[1], line[2]];
+            let mut polygons = Polygons::default();
+            let polygon = polygons.add(points.iter().map(|&point| Corner { point, bound: Bound::UNCUT }));
+            let Sides { corners: [inside, outside], .. } = polygons.sides(polygon, line);
+            for (k, &point) in points.iter().enumerate().take(u64::BITS as usize) {
+                let value = value_at(line, point);
+                prop_assert_eq!(polygons.values[k], value);
+                prop_assert_eq!(inside >> k & 1 == 1, value >= 0.0);
+                prop_assert_eq!(outside >> k & 1 == 1, value <= 0.0);
+            }
+        }
+    }
+
     #[test]
     fn runs_that_rounding_parts_are_not_one() {
         // Of a few corners in turn the third lies on the other side by rounding.
-        assert_eq!(Run::find(&[-1.0, 0.5, -1e-17, 0.5, -0.5], 1.0), None);
-        assert_eq!(Run::find(&[-1.0, 0.5, 0.0, 0.5, -0.5], 1.0), Some(Run { first: 1, last: 3 }));
+        assert_eq!(Run::find(0b01010, 5), None);
+        assert_eq!(Run::find(0b01110, 5), Some(Run { first: 1, last: 3 }));
     }
 
     #[test]
