@@ -17,7 +17,7 @@ use crate::background::{Background, Kind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
-use crate::picture::{Composite, Picture, checked_channels};
+use crate::picture::{Composite, Picture, checked_channels, with_channels};
 
 const NAME: &str = "composite";
 
@@ -95,19 +95,30 @@ impl<T: Scalar> Op<T> for MixPieces {
         let out = outputs.push([centers + coverage.boundary.pixels.len(), channels]);
         let (centered, mixed) = out.split_at_mut(centers * channels);
         centered.copy_from_slice(&values[..centers * channels]);
-        for ((pixel, fragments), mixed) in coverage.boundary().zip(mixed.chunks_exact_mut(channels))
-        {
-            self.kind.fill(mixed, background, channels, pixel);
-            for (c, mixed) in mixed.iter_mut().enumerate() {
-                let behind = half(*mixed);
-                let parts = fragments.iter().map(|&fragment| {
-                    let (value, weight) = piece(values, weights, fragment, centers, channels);
-                    weight * (half(value[c]) - behind)
-                });
-                let sum: T::Wide = behind + parts.sum();
-                *mixed = T::narrow(sum + sum);
-            }
-        }
+        let mut sums = vec![T::Wide::ZERO; channels];
+        with_channels(
+            channels,
+            #[inline(always)]
+            |channels| {
+                let sums = &mut sums[..channels];
+                let pixels = coverage.boundary().zip(mixed.chunks_exact_mut(channels));
+                for ((pixel, fragments), mixed) in pixels {
+                    self.kind.fill(mixed, background, channels, pixel);
+                    sums.fill(T::Wide::ZERO);
+                    for &fragment in fragments {
+                        let value = &values[fragment as usize * channels..][..channels];
+                        let weight = weights[fragment as usize - centers].widen();
+                        for c in 0..channels {
+                            sums[c] += weight * (half(value[c]) - half(mixed[c]));
+                        }
+                    }
+                    for (mixed, &sum) in mixed.iter_mut().zip(&*sums) {
+                        let sum = half(*mixed) + sum;
+                        *mixed = T::narrow(sum + sum);
+                    }
+                }
+            },
+        );
         Ok(())
     }
 
@@ -131,27 +142,47 @@ impl<T: Scalar> Op<T> for MixPieces {
             } else {
                 centered.iter_mut().zip(own_bar).for_each(|(centered, &bar)| *centered += bar);
             }
-            for ((_, fragments), bar) in pixels() {
-                for &fragment in fragments {
-                    let piece = fragment as usize - centers;
-                    let row = &mut pieces[piece * channels..][..channels];
-                    row.iter_mut().zip(bar).for_each(|(row, &bar)| *row += weights[piece] * bar);
-                }
-            }
+            with_channels(
+                channels,
+                #[inline(always)]
+                |channels| {
+                    for ((_, fragments), bar) in
+                        coverage.boundary().zip(mixed_bar.chunks_exact(channels))
+                    {
+                        for &fragment in fragments {
+                            let piece = fragment as usize - centers;
+                            let (row, weight) =
+                                (&mut pieces[piece * channels..][..channels], weights[piece]);
+                            for c in 0..channels {
+                                row[c] += weight * bar[c];
+                            }
+                        }
+                    }
+                },
+            );
         }
         if let Some(weights_bar) = gradients.get(1) {
             let (values, background) = (kept.input(0), kept.input(2));
             let weights_bar = weights_bar.entries();
-            for ((pixel, fragments), bar) in pixels() {
-                for &fragment in fragments {
-                    let value = &values[fragment as usize * channels..][..channels];
-                    let behind = &background[self.kind.entry(channels, pixel)..];
-                    let terms =
-                        (0..channels).map(|c| bar[c].widen() * (half(value[c]) - half(behind[c])));
-                    let sum: T::Wide = terms.sum();
-                    weights_bar[fragment as usize - centers] += T::narrow(sum + sum);
-                }
-            }
+            with_channels(
+                channels,
+                #[inline(always)]
+                |channels| {
+                    for ((pixel, fragments), bar) in
+                        coverage.boundary().zip(mixed_bar.chunks_exact(channels))
+                    {
+                        let behind = &background[self.kind.entry(channels, pixel)..][..channels];
+                        for &fragment in fragments {
+                            let value = &values[fragment as usize * channels..][..channels];
+                            let mut sum = T::Wide::ZERO;
+                            for c in 0..channels {
+                                sum += bar[c].widen() * (half(value[c]) - half(behind[c]));
+                            }
+                            weights_bar[fragment as usize - centers] += T::narrow(sum + sum);
+                        }
+                    }
+                },
+            );
         }
         let Some(background_bar) = gradients.get(2) else { return };
         let background_bar = background_bar.entries();
@@ -170,17 +201,4 @@ impl<T: Scalar> Op<T> for MixPieces {
 #[inline(always)]
 fn half<T: Scalar>(value: T) -> T::Wide {
     T::Wide::from_f64(0.5) * value.widen()
-}
-
-/// The value and the weight of a piece.
-#[inline(always)]
-fn piece<'a, T: Scalar>(
-    values: &'a [T],
-    weights: &[T],
-    fragment: u32,
-    centers: usize,
-    channels: usize,
-) -> (&'a [T], T::Wide) {
-    let fragment = fragment as usize;
-    (&values[fragment * channels..][..channels], weights[fragment - centers].widen())
 }

@@ -167,3 +167,9 @@ pub(crate) fn checked_channels<T: Scalar>(
         }
     }
 }
+
+/// Runs `work` with a number of channels, which the compiler knows where it is the usual one.
+#[inline(always)]
+pub(crate) fn with_channels(channels: usize, mut work: impl FnMut(usize)) {
+    if channels == 3 { work(3) } else { work(channels) }
+}

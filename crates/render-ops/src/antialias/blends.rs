@@ -12,6 +12,7 @@ use super::sorting::Sorting;
 use crate::coverage::Coverage;
 use crate::dispatch::dispatch_256;
 use crate::face_sums::add_term;
+use crate::picture::with_channels;
 use crate::scratch::Workbench;
 use crate::size::Size;
 
@@ -449,10 +450,4 @@ impl<T: Scalar> SavedBlends<T> {
             }
         }
     }
-}
-
-/// Runs `work` with a number of channels, which the compiler knows where it is the usual one.
-#[inline(always)]
-fn with_channels(channels: usize, mut work: impl FnMut(usize)) {
-    if channels == 3 { work(3) } else { work(channels) }
 }
