@@ -5,7 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::pixel_border::lies_on_border;
-use super::pixel_mask::{PixelMask, stripe_shift, stripes_of};
+use super::pixel_mask::{Marked, PixelMask, stripe_shift, stripes_of};
 use super::polygon::{Line, size};
 use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
@@ -127,15 +127,15 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         }
     }
 
-    /// Calls `visit` with each marked block in the box of a face: with its number among the marks, and with
-    /// the face's edge functions at its centre.
+    /// Calls `visit` with each marked block in the box of a face: with marked blocks of its row, its column, and the
+    /// face's edge functions at its centre.
     #[inline(always)]
     pub(super) fn for_each_block(
         &self,
         marks: &PixelMask,
         block: usize,
         FaceBox { rows, columns, edges, .. }: FaceBox<T::Wide>,
-        mut visit: impl FnMut(usize, [T::Wide; 3]),
+        mut visit: impl FnMut(&Marked, usize, [T::Wide; 3]),
     ) {
         marks.for_each_row_in(
             rows,
@@ -149,7 +149,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
                     |column| {
                         let x = self.center(column, block);
                         let a = of_row.map(|[one, by_x]| one + by_x * x);
-                        visit(marked.rank(column), a);
+                        visit(&marked, column, a);
                     },
                 );
             },
@@ -226,7 +226,9 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
-        let vertices = self.vertices(band_face);
+        let corners = self.view.corners_of(face);
+        let vertices = corners.each_ref().map(|corner| corner.vertex);
+        let factors = corners.each_ref().map(|corner| corner.factor);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
             // Across a seam inside the surface both faces still lie side by side.
@@ -244,6 +246,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let tie_bound = depth_error_bound + (by_a * a + by_b * b + by_c * c);
         Candidate {
             band_face,
+            factors,
             edges,
             depth,
             depth_error_bound,

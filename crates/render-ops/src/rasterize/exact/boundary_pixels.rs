@@ -137,8 +137,8 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         band.for_each_face(stripes, firsts, 1, [0..rows, 0..width], |face, face_box| {
             // One too many does no harm.
             let bounds = band.edge_error_bounds(face);
-            band.for_each_block(firsts, 1, face_box, |number, a| {
-                layers[number] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
+            band.for_each_block(firsts, 1, face_box, |marked, column, a| {
+                layers[marked.rank(column)] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
             });
             true
         });

@@ -57,9 +57,13 @@ impl FacesByPixel {
                     block,
                     face_box,
                     #[inline(always)]
-                    |number, a| {
+                    |marked, column, a| {
                         let reaches = |k: usize| a[k] + reach[k] >= T::Wide::ZERO;
-                        if reaches(0) & reaches(1) & reaches(2) && some.contains(&number) {
+                        if !(reaches(0) & reaches(1) & reaches(2)) {
+                            return;
+                        }
+                        let number = marked.rank(column);
+                        if some.contains(&number) {
                             pairs.push([(number - some.start) as u32, face]);
                             ends[number - some.start + 1] += 1;
                         }

@@ -63,7 +63,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             pieces.crowded += 1;
             pieces.sampled += 0.25 * sampled.to_f64();
         }
-        self.find_visible_faces(band, pieces);
+        self.find_visible_faces(needs, pieces);
         let Self { candidates, visible, visible_faces, piece_of, .. } = self;
         pieces.pixels.push(pixel);
         let first = pieces.pieces.len();
@@ -73,7 +73,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         for (piece, &VisibleFace { candidate, area, extent }) in (0..).zip(&*visible_faces) {
             piece_of[candidate as usize] = piece;
             let face = &candidates[candidate as usize];
-            let barycentrics = barycentrics(&face.edges, factors(band, face), &extent);
+            let barycentrics = barycentrics(&face.edges, face.factors, &extent);
             let band_face = face.band_face;
             pieces.pieces.push(Piece { band_face, area, extent, moves: true, barycentrics });
         }
@@ -101,11 +101,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
 
     /// Finds the extents of what is visible of each candidate, the largest first.
     #[inline(always)]
-    fn find_visible_faces<T: Scalar<Wide = S>>(
-        &mut self,
-        band: &BandFaces<'_, '_, T>,
-        pieces: &mut Pieces<S>,
-    ) {
+    fn find_visible_faces(&mut self, needs: bool, pieces: &mut Pieces<S>) {
         let Self { candidates, visible, visible_faces, .. } = self;
         // A pixel has 4 units of area.
         let smallest = S::from_f64(4.0 * SMALLEST);
@@ -115,8 +111,8 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             let area = parts.iter().map(|part| part.area).sum();
             if area > smallest {
                 let face = &candidates[candidate as usize];
-                let t = total(&face.edges, factors(band, face));
-                let extent = visible.parts.extent(parts, area, t, band.view.needs);
+                let t = total(&face.edges, face.factors);
+                let extent = visible.parts.extent(parts, area, t, needs);
                 visible_faces.extend(extent.map(|extent| VisibleFace { candidate, area, extent }));
             } else if area > S::ZERO {
                 pieces.dropped += 1;
@@ -205,14 +201,12 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
                 keep(piece, side);
                 continue;
             }
-            let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
-            let corners = band.view.corners_of(band.faces[*band_face as usize] as usize);
+            let Candidate { band_face, edges, factors, .. } = &candidates[candidate as usize];
             for (ends, point) in halves(side.ends) {
                 keep(count, Side { ends, ..side });
                 count += 1;
-                let (factors, extent) =
-                    (corners.map(|corner| corner.factor), Extent::from_point(point));
-                let barycentrics = barycentrics(edges, factors, &extent);
+                let extent = Extent::from_point(point);
+                let barycentrics = barycentrics(edges, *factors, &extent);
                 pieces.pieces.push(Piece {
                     band_face: *band_face,
                     area: S::ZERO,
@@ -244,11 +238,4 @@ fn find_in_cells<S: Scalar>(
     let sampled = crowd.sampled;
     visible.join_cells();
     sampled
-}
-
-/// The factors of a candidate's vertices.
-#[inline(always)]
-fn factors<T: Scalar>(band: &BandFaces<'_, '_, T>, candidate: &Candidate<T::Wide>) -> [T::Wide; 3] {
-    let face = band.faces[candidate.band_face as usize] as usize;
-    band.view.corners_of(face).map(|corner| corner.factor)
 }

@@ -27,6 +27,8 @@ use super::side_by_side::{FaceInCell, lie_side_by_side};
 pub(super) struct Candidate<S> {
     /// The position of its face among those of the band.
     pub(super) band_face: u32,
+    /// The factors of its face's vertices.
+    pub(super) factors: [S; 3],
     /// The edge functions, positive inside.
     pub(super) edges: [Line<S>; 3],
     pub(super) depth: Line<S>,
@@ -409,6 +411,7 @@ pub(super) mod tests {
         let depth_error_bound = ERROR_BOUND * size(depth);
         Some(Candidate {
             band_face: face,
+            factors: [1.0; 3],
             edges,
             depth,
             depth_error_bound,
@@ -423,6 +426,7 @@ pub(super) mod tests {
         let (edges, depth) = ([[1.0, 0.0, 0.0]; 3], [1.0, 0.0, 0.0]);
         Candidate {
             band_face: face,
+            factors: [1.0; 3],
             edges,
             depth,
             depth_error_bound: ERROR_BOUND,
