@@ -150,15 +150,13 @@ fn blocks<T: Scalar>(attributes: &[T], channels: usize) -> Cow<'_, [[T; LANES]]>
     if channels.is_multiple_of(LANES) {
         return Cow::Borrowed(attributes.as_chunks().0);
     }
-    let per_row = channels.div_ceil(LANES);
-    let mut blocks = vec![[T::ZERO; LANES]; attributes.len() / channels * per_row];
     if channels == 3 {
         // Colours, normals and positions.
-        for (block, &[a, b, c]) in blocks.iter_mut().zip(attributes.as_chunks::<3>().0) {
-            *block = [a, b, c, T::ZERO];
-        }
-        return Cow::Owned(blocks);
+        let rows = attributes.as_chunks::<3>().0.iter();
+        return Cow::Owned(rows.map(|&[a, b, c]| [a, b, c, T::ZERO]).collect());
     }
+    let per_row = channels.div_ceil(LANES);
+    let mut blocks = vec![[T::ZERO; LANES]; attributes.len() / channels * per_row];
     for (blocks, row) in blocks.chunks_exact_mut(per_row).zip(attributes.chunks_exact(channels)) {
         for (value, given) in blocks.as_flattened_mut().iter_mut().zip(row) {
             *value = *given;
