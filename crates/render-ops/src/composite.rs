@@ -95,16 +95,19 @@ impl<T: Scalar> Op<T> for MixPieces {
         let out = outputs.push([centers + coverage.boundary.pixels.len(), channels]);
         let (centered, mixed) = out.split_at_mut(centers * channels);
         centered.copy_from_slice(&values[..centers * channels]);
-        let mut sums = vec![T::Wide::ZERO; channels];
+        // Sums begin with -0, which leaves what is added to it as it is.
+        let zero = -T::Wide::ZERO;
+        let mut sums = vec![zero; channels];
         with_channels(
             channels,
             #[inline(always)]
             |channels| {
+                // Of a length that the compiler knows.
                 let sums = &mut sums[..channels];
                 let pixels = coverage.boundary().zip(mixed.chunks_exact_mut(channels));
                 for ((pixel, fragments), mixed) in pixels {
                     self.kind.fill(mixed, background, channels, pixel);
-                    sums.fill(T::Wide::ZERO);
+                    sums.fill(zero);
                     for &fragment in fragments {
                         let value = &values[fragment as usize * channels..][..channels];
                         let weight = weights[fragment as usize - centers].widen();
@@ -132,7 +135,7 @@ impl<T: Scalar> Op<T> for MixPieces {
         let (coverage, channels) = (&*self.coverage, kept.input_shape(0)[1]);
         let centers = coverage.centers();
         let (own_bar, mixed_bar) = out_bar.split_at(centers * channels);
-        let pixels = || coverage.boundary().zip(mixed_bar.chunks_exact(channels));
+        let pixels = |channels| coverage.boundary().zip(mixed_bar.chunks_exact(channels));
         if let Some(values_bar) = gradients.get(0) {
             let (entries, is_fresh) = values_bar.entries_or_fresh();
             let (centered, pieces) = entries.split_at_mut(own_bar.len());
@@ -146,9 +149,7 @@ impl<T: Scalar> Op<T> for MixPieces {
                 channels,
                 #[inline(always)]
                 |channels| {
-                    for ((_, fragments), bar) in
-                        coverage.boundary().zip(mixed_bar.chunks_exact(channels))
-                    {
+                    for ((_, fragments), bar) in pixels(channels) {
                         for &fragment in fragments {
                             let piece = fragment as usize - centers;
                             let (row, weight) =
@@ -168,13 +169,11 @@ impl<T: Scalar> Op<T> for MixPieces {
                 channels,
                 #[inline(always)]
                 |channels| {
-                    for ((pixel, fragments), bar) in
-                        coverage.boundary().zip(mixed_bar.chunks_exact(channels))
-                    {
+                    for ((pixel, fragments), bar) in pixels(channels) {
                         let behind = &background[self.kind.entry(channels, pixel)..][..channels];
                         for &fragment in fragments {
                             let value = &values[fragment as usize * channels..][..channels];
-                            let mut sum = T::Wide::ZERO;
+                            let mut sum = -T::Wide::ZERO;
                             for c in 0..channels {
                                 sum += bar[c].widen() * (half(value[c]) - half(behind[c]));
                             }
@@ -186,7 +185,7 @@ impl<T: Scalar> Op<T> for MixPieces {
         }
         let Some(background_bar) = gradients.get(2) else { return };
         let background_bar = background_bar.entries();
-        for ((pixel, fragments), bar) in pixels() {
+        for ((pixel, fragments), bar) in pixels(channels) {
             let parts = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
             let left = T::Wide::ONE - parts.map(T::widen).sum();
             let start = self.kind.entry(channels, pixel);

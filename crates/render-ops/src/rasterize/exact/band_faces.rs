@@ -127,8 +127,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         }
     }
 
-    /// Calls `visit` with each marked block in the box of a face: with marked blocks of its row, its column, and the
-    /// face's edge functions at its centre.
+    /// Calls `visit` with each marked block in the box of a face: with marked blocks of the same row, which number it;
+    /// with its column; and with the face's edge functions at its centre.
     #[inline(always)]
     pub(super) fn for_each_block(
         &self,
@@ -226,9 +226,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
-        let corners = self.view.corners_of(face);
-        let vertices = corners.each_ref().map(|corner| corner.vertex);
-        let factors = corners.each_ref().map(|corner| corner.factor);
+        let [p, q, r] = self.view.corners_of(face);
+        let (vertices, factors) = ([p.vertex, q.vertex, r.vertex], [p.factor, q.factor, r.factor]);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
             // Across a seam inside the surface both faces still lie side by side.

@@ -82,12 +82,12 @@ pub(super) struct Triangle<S> {
     pub(super) twice: S,
 }
 
-/// How a polygon lies to a line, whose values at its corners were left.
+/// How a polygon lies to a line.
 #[derive(Debug, Clone, Copy)]
-struct Sides {
+struct Position {
     /// Whether some of it lies on the inside, and some on the outside, by more than rounding.
     reaches: [bool; 2],
-    /// The corners on the inside or on the line, and those on the outside or on the line: a bit for each of up to 64.
+    /// The corners on the inside or on the line, and those on the outside or on the line: a bit for each of the first 64.
     corners: [u64; 2],
 }
 
@@ -99,8 +99,8 @@ struct Run {
 }
 
 impl Run {
-    /// Of the corners in `bits`, of `count`: some are there, and some are not. `None` where that is not one run, by
-    /// rounding, or where they are many.
+    /// The run of corners, of `count`, whose bits are set: some are, and some are not. `None` where they are several runs,
+    /// by rounding, or where there are more than 64 corners.
     #[inline(always)]
     fn find(bits: u64, count: usize) -> Option<Self> {
         if count > u64::BITS as usize {
@@ -212,11 +212,11 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> [Option<Polygon>; 2] {
-        let sides = self.sides(polygon, line);
-        match sides.reaches {
+        let position = self.position(polygon, line);
+        match position.reaches {
             [true, true] => {
-                let inside = self.part(polygon, sides, Bound::new(index, true));
-                let outside = self.part(polygon, sides, Bound::new(index, false));
+                let inside = self.part(polygon, position, Bound::new(index, true));
+                let outside = self.part(polygon, position, Bound::new(index, false));
                 [inside, outside]
             }
             [true, false] => [Some(polygon), None],
@@ -233,9 +233,9 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> Option<Polygon> {
-        let sides = self.sides(polygon, line);
-        match sides.reaches {
-            [true, true] => self.part(polygon, sides, Bound::new(index, true)),
+        let position = self.position(polygon, line);
+        match position.reaches {
+            [true, true] => self.part(polygon, position, Bound::new(index, true)),
             [is_inside, _] => is_inside.then_some(polygon),
         }
     }
@@ -248,9 +248,9 @@ impl<S: Scalar> Polygons<S> {
         line: Line<S>,
         index: u32,
     ) -> (bool, Option<Polygon>) {
-        let sides = self.sides(polygon, line);
-        match sides.reaches {
-            [true, true] => (true, self.part(polygon, sides, Bound::new(index, false))),
+        let position = self.position(polygon, line);
+        match position.reaches {
+            [true, true] => (true, self.part(polygon, position, Bound::new(index, false))),
             [is_inside, is_outside] => (is_inside, is_outside.then_some(polygon)),
         }
     }
@@ -259,12 +259,12 @@ impl<S: Scalar> Polygons<S> {
     /// rounding.
     #[inline(always)]
     pub(super) fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
-        self.sides(polygon, line).reaches
+        self.position(polygon, line).reaches
     }
 
     /// How a polygon lies to a line. Leaves the line's values at the corners.
     #[inline(always)]
-    fn sides(&mut self, polygon: Polygon, line: Line<S>) -> Sides {
+    fn position(&mut self, polygon: Polygon, line: Line<S>) -> Position {
         let corners = &self.corners[self.range(polygon)];
         // A NaN is neither less nor more, so it lies on no side.
         let (mut least, mut most) = (S::ZERO, S::ZERO);
@@ -279,11 +279,12 @@ impl<S: Scalar> Polygons<S> {
         }
         // Corners lie in the pixel, where no term of the value is larger than the line's size.
         let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
-        Sides { reaches: [most > error_bound, least < -error_bound], corners: [inside, outside] }
+        let reaches = [most > error_bound, least < -error_bound];
+        Position { reaches, corners: [inside, outside] }
     }
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
-    /// the side `cut`.
+    /// the side `cut`. It begins with the first corner that stays.
     ///
     /// ```text
     ///      first +-----+ last      The corners on this side follow each other, for a polygon is convex. Before
@@ -293,10 +294,11 @@ impl<S: Scalar> Polygons<S> {
     ///  before +           + next
     /// ```
     #[inline(always)]
-    fn part(&mut self, polygon: Polygon, sides: Sides, cut: Bound) -> Option<Polygon> {
+    fn part(&mut self, polygon: Polygon, position: Position, cut: Bound) -> Option<Polygon> {
         let range = self.range(polygon);
         let count = range.len();
-        let [inside, outside] = sides.corners;
+        // A corner on the line is both here and beyond.
+        let [inside, outside] = position.corners;
         let (here, beyond) = if cut.is_inside() { (inside, outside) } else { (outside, inside) };
         let Some(Run { first, last }) = Run::find(here, count) else {
             return self.part_of_several_runs(polygon, cut);
@@ -305,10 +307,8 @@ impl<S: Scalar> Polygons<S> {
         self.reserve(count + 1);
         let (corners, new) = self.corners.split_at_mut(self.len);
         let (corners, values) = (&corners[range], &self.values[..count]);
-        let [before, next] = [
-            if first > 0 { first } else { count } - 1,
-            if last + 1 < count { last + 1 } else { 0 },
-        ];
+        let after = |index: usize| if index + 1 < count { index + 1 } else { 0 };
+        let (before, next) = (if first > 0 { first } else { count } - 1, after(last));
         let is_beyond = |index: usize| beyond >> index & 1 == 1;
         let mut total = 0;
         let mut add = |corner: Corner<S>| {
@@ -318,7 +318,7 @@ impl<S: Scalar> Polygons<S> {
         let mut index = first;
         while index != last {
             add(corners[index]);
-            index = if index + 1 < count { index + 1 } else { 0 };
+            index = after(index);
         }
         let crossing = |from: usize, to: usize| {
             let (p, q) = (corners[from].point, corners[to].point);
@@ -523,7 +523,7 @@ mod tests {
             let bits = |sign: i8| {
                 (0..).zip(&corners).map(|(k, (_, given))| u64::from(sign * given >= 0) << k).sum()
             };
-            let sides = Sides { reaches: [true; 2], corners: [bits(1), bits(-1)] };
+            let position = Position { reaches: [true; 2], corners: [bits(1), bits(-1)] };
             for (value, (_, given)) in polygons.values.iter_mut().zip(&corners) {
                 *value = 0.3 * f64::from(*given);
             }
@@ -533,14 +533,14 @@ mod tests {
                 part.map(|part| {
                     let mut list: Vec<_> =
                         polygons.corners(part).iter().map(|corner| format!("{corner:?}")).collect();
-                    let least = (0..list.len()).min_by_key(|&k| list[k].clone());
+                    let least = (0..list.len()).min_by_key(|&k| &list[k]);
                     list.rotate_left(least.expect("it has corners"));
                     list
                 })
             };
             let expected = polygons.part_of_several_runs(polygon, cut);
             let expected = list(&polygons, expected);
-            let found = polygons.part(polygon, sides, cut);
+            let found = polygons.part(polygon, position, cut);
             let sign = if is_inside { 1 } else { -1 };
             // Only where some are clearly on either side a part is asked for.
             let has = |side: i8| corners.iter().any(|(_, given)| sign * given * side > 0);
@@ -552,28 +552,41 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sides_tell_the_corners_of_each(
+        fn a_position_tells_the_corners_on_each_side(
             points in proptest::collection::vec([-1.0..1.0, -1.0..1.0], 3..70),
             line in line(),
-            through in 0..70_usize,
+            through in proptest::option::of(0..70_usize),
         ) {
-            // One corner lies on the line, but for rounding.
-            let point = points[through % points.len()];
-            let line = [line[0] - value_at(line, point), line[1], line[2]];
+            // Perhaps one through a corner, exactly.
+            let x_of = |k: usize| -> f64 { points[k % points.len()][0] };
+            let line = through.map_or(line, |k| [-x_of(k), 1.0, 0.0]);
             let mut polygons = Polygons::default();
             let polygon = polygons.add(points.iter().map(|&point| Corner { point, bound: Bound::UNCUT }));
-            let Sides { corners: [inside, outside], .. } = polygons.sides(polygon, line);
-            for (k, &point) in points.iter().enumerate().take(u64::BITS as usize) {
-                let value = value_at(line, point);
-                prop_assert_eq!(polygons.values[k], value);
+            let Position { reaches, corners: [inside, outside] } = polygons.position(polygon, line);
+            let values: Vec<_> = points.iter().map(|&point| value_at(line, point)).collect();
+            prop_assert_eq!(&polygons.values[..values.len()], &values[..]);
+            for (k, &value) in values.iter().enumerate().take(u64::BITS as usize) {
                 prop_assert_eq!(inside >> k & 1 == 1, value >= 0.0);
                 prop_assert_eq!(outside >> k & 1 == 1, value <= 0.0);
             }
+            let bound = 16.0 * f64::EPSILON * size(line);
+            let expected = [values.iter().any(|&value| value > bound), values.iter().any(|&value| value < -bound)];
+            prop_assert_eq!(reaches, expected);
         }
     }
 
     #[test]
-    fn runs_that_rounding_parts_are_not_one() {
+    fn what_is_no_number_lies_on_no_side() {
+        let mut polygons = Polygons::<f64>::default();
+        let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
+        let Position { reaches, corners } = polygons.position(pixel, [f64::NAN, 1.0, 0.0]);
+        assert_eq!((reaches, corners), ([false; 2], [0; 2]));
+    }
+
+    #[test]
+    fn runs_that_rounding_parts_are_not_one_nor_are_many_corners() {
+        assert_eq!(Run::find(1, 64), Some(Run { first: 0, last: 0 }));
+        assert_eq!(Run::find(1, 65), None);
         // Of a few corners in turn the third lies on the other side by rounding.
         assert_eq!(Run::find(0b01010, 5), None);
         assert_eq!(Run::find(0b01110, 5), Some(Run { first: 1, last: 3 }));

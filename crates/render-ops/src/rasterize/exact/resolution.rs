@@ -101,7 +101,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
 
     /// Finds the extents of what is visible of each candidate, the largest first.
     #[inline(always)]
-    fn find_visible_faces(&mut self, needs: bool, pieces: &mut Pieces<S>) {
+    fn find_visible_faces(&mut self, spreads: bool, pieces: &mut Pieces<S>) {
         let Self { candidates, visible, visible_faces, .. } = self;
         // A pixel has 4 units of area.
         let smallest = S::from_f64(4.0 * SMALLEST);
@@ -112,7 +112,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             if area > smallest {
                 let face = &candidates[candidate as usize];
                 let t = total(&face.edges, face.factors);
-                let extent = visible.parts.extent(parts, area, t, needs);
+                let extent = visible.parts.extent(parts, area, t, spreads);
                 visible_faces.extend(extent.map(|extent| VisibleFace { candidate, area, extent }));
             } else if area > S::ZERO {
                 pieces.dropped += 1;

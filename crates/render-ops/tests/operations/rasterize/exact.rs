@@ -193,6 +193,58 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(100) })]
+
+    /// Loops over three channels have a number that the compiler knows.
+    #[test]
+    fn three_channels_are_mixed_as_each_alone(
+        (clip, _, faces) in loose_faces(),
+        width in 1..9_usize,
+        height in 1..9_usize,
+    ) {
+        let size = Size { width, height };
+        let mesh = Mesh::new(faces, clip.len()).unwrap();
+        let number = |k: usize| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4;
+        // The picture of some of three channels, and the gradients of values, background and positions.
+        let run = |channels: std::ops::Range<usize>| {
+            let tape = Tape::<f64>::new();
+            let some = |rows: usize, shift: usize| -> Vec<f64> {
+                let row = |k: usize| channels.clone().map(move |c| number(3 * k + c + shift));
+                (0..rows).flat_map(row).collect()
+            };
+            let positions = tape.leaf(&tensor(&clip));
+            let fragments = rasterize(positions, &mesh, exact(size).creases(&[])).unwrap();
+            let count = fragments.coverage.count();
+            let shape = [height, width, channels.len()];
+            let values = Tensor::new([count, channels.len()], some(count, 0)).unwrap();
+            let [sky, upstream] =
+                [5, 9].map(|shift| Tensor::new(shape, some(size.pixels(), shift)).unwrap());
+            let [values, sky] = [values, sky].map(|tensor| tape.leaf(&tensor));
+            let image = composite(values, &fragments, Background::Image(sky)).unwrap();
+            let image = image.image().unwrap();
+            let gradients = tape.vjp(&[(image, &upstream)]).unwrap();
+            let [of_values, of_sky, of_positions] =
+                [values, sky, positions].map(|var| gradients.get_or_zeros(var).data().to_vec());
+            ([image.value().data().to_vec(), of_values, of_sky], of_positions)
+        };
+        let (found, of_positions) = run(0..3);
+        let alone = [0, 1, 2].map(|c| run(c..c + 1));
+        for (index, found) in found.iter().enumerate() {
+            for (k, found) in found.iter().enumerate() {
+                let expected = alone[k % 3].0[index][k / 3];
+                prop_assert_eq!(found.to_bits(), expected.to_bits(), "{} {}: {}", index, k, found);
+            }
+        }
+        for (k, found) in of_positions.iter().enumerate() {
+            let parts = alone.each_ref().map(|(_, of_positions)| of_positions[k]);
+            let bound = 1e-10 * (1.0 + parts.iter().map(|part| part.abs()).sum::<f64>());
+            let expected: f64 = parts.iter().sum();
+            prop_assert!((found - expected).abs() < bound, "{k}: {found} instead of {expected}");
+        }
+    }
+}
+
 /// The loss and the gradient of a picture of faces with a colour per vertex.
 fn loss_and_gradient(
     clip: &Clip,
