@@ -152,10 +152,9 @@ impl<T: Scalar> Op<T> for MixPieces {
                     for ((_, fragments), bar) in pixels(channels) {
                         for &fragment in fragments {
                             let piece = fragment as usize - centers;
-                            let (row, weight) =
-                                (&mut pieces[piece * channels..][..channels], weights[piece]);
-                            for c in 0..channels {
-                                row[c] += weight * bar[c];
+                            let row = &mut pieces[piece * channels..][..channels];
+                            for (row, &bar) in row.iter_mut().zip(bar) {
+                                *row += weights[piece] * bar;
                             }
                         }
                     }
@@ -173,11 +172,8 @@ impl<T: Scalar> Op<T> for MixPieces {
                         let behind = &background[self.kind.entry(channels, pixel)..][..channels];
                         for &fragment in fragments {
                             let value = &values[fragment as usize * channels..][..channels];
-                            let mut sum = -T::Wide::ZERO;
-                            for c in 0..channels {
-                                sum += bar[c].widen() * (half(value[c]) - half(behind[c]));
-                            }
-                            weights_bar[fragment as usize - centers] += T::narrow(sum + sum);
+                            weights_bar[fragment as usize - centers] +=
+                                weight_bar(bar, value, behind);
                         }
                     }
                 },
@@ -188,13 +184,22 @@ impl<T: Scalar> Op<T> for MixPieces {
         for ((pixel, fragments), bar) in pixels(channels) {
             let parts = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
             let left = T::Wide::ONE - parts.map(T::widen).sum();
-            let start = self.kind.entry(channels, pixel);
-            let entries = &mut background_bar[start..start + channels];
+            let entries = &mut background_bar[self.kind.entry(channels, pixel)..][..channels];
             for (entry, &bar) in entries.iter_mut().zip(bar) {
                 *entry += T::narrow(left * bar.widen());
             }
         }
     }
+}
+
+/// The gradient of the weight of a piece: `x_bar . (v_n - b)`.
+#[inline(always)]
+fn weight_bar<T: Scalar>(bar: &[T], value: &[T], behind: &[T]) -> T {
+    let mut sum = -T::Wide::ZERO;
+    for ((bar, &value), &behind) in bar.iter().zip(value).zip(behind) {
+        sum += bar.widen() * (half(value) - half(behind));
+    }
+    T::narrow(sum + sum)
 }
 
 #[inline(always)]
