@@ -72,7 +72,8 @@ struct MixPieces {
 }
 
 impl<T: Scalar> Op<T> for MixPieces {
-    type Saved = ();
+    /// Memory for the sums of a pixel.
+    type Saved = Vec<T::Wide>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -83,7 +84,7 @@ impl<T: Scalar> Op<T> for MixPieces {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        sums: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (values, weights, background) = (inputs.data(0), inputs.data(1), inputs.data(2));
         let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
@@ -97,7 +98,7 @@ impl<T: Scalar> Op<T> for MixPieces {
         centered.copy_from_slice(&values[..centers * channels]);
         // Sums begin with -0, which leaves what is added to it as it is.
         let zero = -T::Wide::ZERO;
-        let mut sums = vec![zero; channels];
+        sums.resize(channels, zero);
         with_channels(
             channels,
             #[inline(always)]
@@ -130,7 +131,12 @@ impl<T: Scalar> Op<T> for MixPieces {
         Keep::NOTHING.input(1).input_if(0, needs).input_if(2, needs)
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        _: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let (out_bar, weights) = (kept.only_upstream(), kept.input(1));
         let (coverage, channels) = (&*self.coverage, kept.input_shape(0)[1]);
         let centers = coverage.centers();
@@ -182,13 +188,23 @@ impl<T: Scalar> Op<T> for MixPieces {
         let Some(background_bar) = gradients.get(2) else { return };
         let background_bar = background_bar.entries();
         for ((pixel, fragments), bar) in pixels(channels) {
-            let parts = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
-            let left = T::Wide::ONE - parts.map(T::widen).sum();
+            let weights = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
             let entries = &mut background_bar[self.kind.entry(channels, pixel)..][..channels];
-            for (entry, &bar) in entries.iter_mut().zip(bar) {
-                *entry += T::narrow(left * bar.widen());
-            }
+            add_background_bar(entries, weights, bar);
         }
+    }
+
+    fn saved_bytes(&self, sums: &Self::Saved) -> usize {
+        size_of_val(&sums[..])
+    }
+}
+
+/// Adds `(1 - sum_n w_n) x_bar`.
+#[inline(always)]
+fn add_background_bar<T: Scalar>(entries: &mut [T], weights: impl Iterator<Item = T>, bar: &[T]) {
+    let left = T::Wide::ONE - weights.map(T::widen).sum();
+    for (entry, &bar) in entries.iter_mut().zip(bar) {
+        *entry += T::narrow(left * bar.widen());
     }
 }
 
