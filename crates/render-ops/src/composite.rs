@@ -159,9 +159,7 @@ impl<T: Scalar> Op<T> for MixPieces {
                         for &fragment in fragments {
                             let piece = fragment as usize - centers;
                             let row = &mut pieces[piece * channels..][..channels];
-                            for (row, &bar) in row.iter_mut().zip(bar) {
-                                *row += weights[piece] * bar;
-                            }
+                            add_scaled(row, weights[piece], bar);
                         }
                     }
                 },
@@ -196,6 +194,14 @@ impl<T: Scalar> Op<T> for MixPieces {
 
     fn saved_bytes(&self, sums: &Self::Saved) -> usize {
         size_of_val(&sums[..])
+    }
+}
+
+/// Adds `w_n x_bar`.
+#[inline(always)]
+fn add_scaled<T: Scalar>(entries: &mut [T], weight: T, bar: &[T]) {
+    for (entry, &bar) in entries.iter_mut().zip(bar) {
+        *entry += weight * bar;
     }
 }
 
